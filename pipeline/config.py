@@ -1,0 +1,203 @@
+"""The configuration: one frozen tree, its defaults with their reasons, and the TOML that overrides.
+
+The file that a user writes (or `stadimeter calibrate` writes) is `camera.toml`:
+
+    [detect]                       # any table of this module, any of its fields
+    method = "motion"
+
+    [[camera]]                     # facts about a camera that its recordings lack
+    name = "nikon_d5300"
+    focal_length_mm = 50.0
+
+    [[calibration]]                # see `pipeline.records.Calibration`
+    method = "size"
+    object_class = "levelling_staff"
+    dimension = "width"
+    parameters = [{ name = "object_size_m", value = 0.060, std_error = 0.001 }]
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import UsageError, Where
+from pipeline.records import NAN, Calibration, Dimension
+
+# A hand-held EXIF clock ticks in whole seconds, a camera driver in microseconds; half a frame
+# period at 25 frames/s is the longest time over which an exposure still belongs to one frame only.
+EXPOSURE_TOLERANCE_S = 0.020
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds on what a file may claim, checked before memory is taken."""
+
+    record_bytes: int = 256 * 1024**2  # one MCAP record; a 4K raw frame is 33 MB
+    chunk_bytes: int = 512 * 1024**2  # one chunk, decompressed
+    image_pixels: int = 100_000_000  # one picture; the largest sensors of today
+    channels: int = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class IngestConfig:
+    """How messages become frames."""
+
+    exposure_tolerance_s: float = EXPOSURE_TOLERANCE_S
+    reorder_s: float = 0.25  # messages later than this behind the newest are not waited for
+
+
+@dataclass(frozen=True, slots=True)
+class DetectConfig:
+    """How objects are found."""
+
+    method: str = "auto"  # auto, recorded, roi, motion
+
+
+@dataclass(frozen=True, slots=True)
+class TrackConfig:
+    """How observations are joined into tracks."""
+
+
+@dataclass(frozen=True, slots=True)
+class SizePrior:
+    """The true size of a class of objects: mean and spread of the population."""
+
+    object_class: str
+    dimension: Dimension
+    mean_m: float
+    std_m: float
+    source: str = ""
+
+
+# Adult stature in the world's countries lies about 1.59 (women) and 1.71 m (men) with a spread of
+# 0.06-0.07 m within a sex (NCD-RisC 2020, birth cohorts to 1996); a mixed crowd is the mixture of
+# the two, and shoes add about 0.02 m. The mixture's spread is 0.09 m.
+ADULT = SizePrior(
+    "person", Dimension.HEIGHT, 1.68, 0.09, "adult stature, both sexes, shod (NCD-RisC 2020)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateConfig:
+    """How sizes become depths."""
+
+    extrapolate: bool = False  # use a calibration outside the range in which it was fitted
+
+
+@dataclass(frozen=True, slots=True)
+class CameraConfig:
+    """What is known of a camera beside its recordings; NaN is unknown. It fills, never overrides,
+    what a recording says, except for the pose, which a recording seldom has."""
+
+    name: str
+    focal_length_mm: float = NAN
+    f_number: float = NAN
+    focus_distance_m: float = NAN
+    pixel_pitch_x_um: float = NAN
+    pixel_pitch_y_um: float = NAN
+    fx_px: float = NAN
+    fy_px: float = NAN
+    cx_px: float = NAN
+    cy_px: float = NAN
+    distortion_model: str = ""
+    distortion: tuple[float, ...] = ()
+    camera_height_m: float = NAN
+    camera_height_std_m: float = 0.0
+    tilt_deg: float = NAN
+    tilt_std_deg: float = 0.0
+    roll_deg: float = 0.0
+    roll_std_deg: float = 0.0
+    roi_xyxy_px: tuple[float, ...] = ()  # the paper's cropping: one object fills this region
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Everything that a run can be told."""
+
+    limits: Limits = Limits()
+    ingest: IngestConfig = IngestConfig()
+    detect: DetectConfig = DetectConfig()
+    track: TrackConfig = TrackConfig()
+    estimate: EstimateConfig = EstimateConfig()
+    camera: tuple[CameraConfig, ...] = ()
+    size_prior: tuple[SizePrior, ...] = (ADULT,)
+    calibration: tuple[Calibration, ...] = ()
+
+    def camera_named(self, name: str) -> CameraConfig:
+        """Return the entry of a camera, or an empty one."""
+        return next((c for c in self.camera if c.name == name), CameraConfig(name))
+
+
+def load_config(path: Path | None) -> Config:
+    """Read a `camera.toml`; None gives the defaults.
+
+    Raises:
+        UsageError: the file cannot be read, or holds a key or value that means nothing here.
+    """
+    if path is None:
+        return Config()
+    try:
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(
+            f"cannot read the camera file: {error.strerror}", where=Where(path)
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"not valid TOML: {error}", where=Where(path)) from error
+    try:
+        config: Config = _build(Config, tree, "")
+    except ValueError as error:
+        raise UsageError(
+            str(error), where=Where(path), remedy="The README lists the keys of camera.toml"
+        ) from error
+    return config
+
+
+def _build(kind: Any, value: Any, place: str) -> Any:
+    """Return `value` as a `kind`, checked all the way down; errors name the key."""
+    origin = typing.get_origin(kind)
+    if is_dataclass(kind):
+        return _build_dataclass(kind, value, place)
+    if origin is tuple:
+        if not isinstance(value, list):
+            raise ValueError(f"{place} must be an array")
+        item = typing.get_args(kind)[0]
+        return tuple(_build(item, v, f"{place}[{i}]") for i, v in enumerate(value))
+    if origin is types.UnionType:
+        return _build(typing.get_args(kind)[0], value, place)
+    if isinstance(kind, type) and issubclass(kind, StrEnum):
+        if value not in list(kind):
+            raise ValueError(f"{place} must be one of {', '.join(kind)}, not {value!r}")
+        return kind(value)
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        if math.isnan(value):
+            raise ValueError(f"{place} is NaN; leave out what is unknown")
+        return float(value)
+    if kind is int and isinstance(value, int) and not isinstance(value, bool):
+        return value
+    if isinstance(kind, type) and type(value) is kind:
+        return value
+    raise ValueError(f"{place} must be a {getattr(kind, '__name__', kind)}, not {value!r}")
+
+
+def _build_dataclass(kind: Any, value: Any, place: str) -> Any:
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{place or 'the file'} must be a table")
+    hints = typing.get_type_hints(kind)
+    known = {f.name: f for f in fields(kind)}
+    prefix = f"{place}." if place else ""
+    for key in value:
+        if key not in known:
+            raise ValueError(f"unknown key {prefix}{key}; known are {', '.join(known)}")
+    for name, f in known.items():
+        if name not in value and f.default is MISSING and f.default_factory is MISSING:
+            raise ValueError(f"{prefix}{name} is missing")
+    return kind(**{key: _build(hints[key], v, prefix + key) for key, v in value.items()})

@@ -1,0 +1,70 @@
+"""What every method takes and gives: columns of one camera of one recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.records import NAN, FloatArray, GroundPlane, IntArray, Intrinsics
+
+TextArray = npt.NDArray[np.object_]
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What pass 1 measured, one row an observation: arrays of length n, NaN is unknown."""
+
+    camera: str
+    observation_index: IntArray
+    frame_index: IntArray
+    capture_time_ns: IntArray
+    track_id: IntArray
+    class_name: TextArray
+    bbox_xyxy_px: FloatArray  # (n, 4)
+    std_xyxy_px: FloatArray  # (n, 4)
+    truncated: BoolArray  # (n, 4): left, top, right, bottom
+    occlusion: FloatArray
+    f_number: FloatArray
+    focal_length_mm: FloatArray
+    focus_distance_m: FloatArray
+    pixel_pitch_x_um: FloatArray
+    pixel_pitch_y_um: FloatArray
+    intrinsics: Intrinsics | None
+    ground_plane: GroundPlane | None
+
+    def __len__(self) -> int:
+        return len(self.observation_index)
+
+
+@dataclass(slots=True)
+class Estimated:
+    """What a method gives, one row an observation, NaN where it does not apply.
+
+    `depth_m` is along the optical axis, `range_m` Euclidean; `x_m`, `y_m` are the position on the
+    ground (right, ahead) where the pose is known, and across and along the axis where it is not.
+    `height_assumed` is True where the height was put in rather than measured.
+    `in_calibrated_range` is 1, 0, or NaN where the calibration states no range.
+    """
+
+    count: int
+    depth_m: FloatArray = field(init=False)
+    depth_std_m: FloatArray = field(init=False)
+    height_m: FloatArray = field(init=False)
+    height_std_m: FloatArray = field(init=False)
+    height_assumed: BoolArray = field(init=False)
+    range_m: FloatArray = field(init=False)
+    x_m: FloatArray = field(init=False)
+    y_m: FloatArray = field(init=False)
+    in_calibrated_range: FloatArray = field(init=False)
+    calibration_id: TextArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        for name in ("depth_m", "depth_std_m", "height_m", "height_std_m"):
+            setattr(self, name, np.full(self.count, NAN))
+        for name in ("range_m", "x_m", "y_m", "in_calibrated_range"):
+            setattr(self, name, np.full(self.count, NAN))
+        self.height_assumed = np.zeros(self.count, dtype=np.bool_)
+        self.calibration_id = np.full(self.count, None, dtype=np.object_)

@@ -1,0 +1,1 @@
+"""What crosses a boundary: protobuf messages in recordings, SQL tables and views in the store."""

@@ -1,0 +1,402 @@
+-- The tables of a stadimeter database. A recording is the unit of replacement: all its rows come and
+-- go in one transaction. There are no foreign keys (DuckDB cannot delete child and parent in one
+-- transaction) and few indexes: tables are sorted by recording and time, which zone maps use.
+-- Unknown is NULL, never zero. Units are part of each name.
+
+CREATE TABLE IF NOT EXISTS runs (
+    run_id           VARCHAR NOT NULL,
+    command          VARCHAR NOT NULL,
+    label            VARCHAR,
+    started_at       TIMESTAMPTZ NOT NULL,
+    finished_at      TIMESTAMPTZ,
+    software_version VARCHAR NOT NULL,
+    libraries        VARCHAR,
+    configuration    VARCHAR NOT NULL
+);
+COMMENT ON TABLE runs IS 'One row a start of `stadimeter run` or `estimate`: what made the numbers.';
+COMMENT ON COLUMN runs.run_id IS 'Name of the run.';
+COMMENT ON COLUMN runs.command IS 'run, estimate or calibrate.';
+COMMENT ON COLUMN runs.label IS 'The name that the user gave the run, for comparing runs.';
+COMMENT ON COLUMN runs.started_at IS 'When the run started.';
+COMMENT ON COLUMN runs.finished_at IS 'When the run ended; NULL if it did not.';
+COMMENT ON COLUMN runs.software_version IS 'Version of stadimeter.';
+COMMENT ON COLUMN runs.libraries IS 'Versions of Python and the libraries, as JSON.';
+COMMENT ON COLUMN runs.configuration IS 'The whole configuration, as JSON.';
+
+CREATE TABLE IF NOT EXISTS recordings (
+    recording_id   VARCHAR NOT NULL,
+    content_sha256 VARCHAR NOT NULL,
+    file_name      VARCHAR NOT NULL,
+    path           VARCHAR NOT NULL,
+    size_bytes     BIGINT NOT NULL,
+    start_time_ns  BIGINT,
+    end_time_ns    BIGINT,
+    frame_count    INTEGER NOT NULL,
+    frames_lost    INTEGER NOT NULL,
+    damaged        BOOLEAN NOT NULL,
+    run_id         VARCHAR NOT NULL
+);
+COMMENT ON TABLE recordings IS 'One row a recording, keyed by its content: the same bytes under another name are the same recording.';
+COMMENT ON COLUMN recordings.recording_id IS 'First 16 hexadecimal digits of content_sha256.';
+COMMENT ON COLUMN recordings.content_sha256 IS 'SHA-256 of the file.';
+COMMENT ON COLUMN recordings.file_name IS 'Name of the file when it was last read.';
+COMMENT ON COLUMN recordings.path IS 'Where the file was when it was last read.';
+COMMENT ON COLUMN recordings.size_bytes IS 'Size of the file.';
+COMMENT ON COLUMN recordings.start_time_ns IS 'Log time of the first frame, nanoseconds since 1970 UTC.';
+COMMENT ON COLUMN recordings.end_time_ns IS 'Log time of the last frame, nanoseconds since 1970 UTC.';
+COMMENT ON COLUMN recordings.frame_count IS 'Frames read, all cameras.';
+COMMENT ON COLUMN recordings.frames_lost IS 'Frames known to be in the file that could not be decoded.';
+COMMENT ON COLUMN recordings.damaged IS 'Whether any part of the file could not be read; see diagnostics.';
+COMMENT ON COLUMN recordings.run_id IS 'The run that last read the pixels.';
+
+CREATE TABLE IF NOT EXISTS cameras (
+    recording_id        VARCHAR NOT NULL,
+    camera              VARCHAR NOT NULL,
+    topic               VARCHAR NOT NULL,
+    frame_id            VARCHAR,
+    width_px            INTEGER,
+    height_px           INTEGER,
+    fx_px               DOUBLE,
+    fy_px               DOUBLE,
+    cx_px               DOUBLE,
+    cy_px               DOUBLE,
+    distortion_model    VARCHAR,
+    distortion          DOUBLE[],
+    intrinsics_source   VARCHAR,
+    camera_height_m     DOUBLE,
+    camera_height_std_m DOUBLE,
+    tilt_rad            DOUBLE,
+    tilt_std_rad        DOUBLE,
+    roll_rad            DOUBLE,
+    roll_std_rad        DOUBLE,
+    pose_source         VARCHAR
+);
+COMMENT ON TABLE cameras IS 'One row a camera of a recording: its lens in pixels and, where known, its pose above the ground.';
+COMMENT ON COLUMN cameras.recording_id IS 'The recording.';
+COMMENT ON COLUMN cameras.camera IS 'Name of the camera: the frame_id of its images, or their topic.';
+COMMENT ON COLUMN cameras.topic IS 'Topic of its images.';
+COMMENT ON COLUMN cameras.frame_id IS 'frame_id of its images.';
+COMMENT ON COLUMN cameras.width_px IS 'Width of its stored pictures.';
+COMMENT ON COLUMN cameras.height_px IS 'Height of its stored pictures.';
+COMMENT ON COLUMN cameras.fx_px IS 'Focal length in horizontal pixels of the stored picture.';
+COMMENT ON COLUMN cameras.fy_px IS 'Focal length in vertical pixels of the stored picture.';
+COMMENT ON COLUMN cameras.cx_px IS 'Principal point, horizontal.';
+COMMENT ON COLUMN cameras.cy_px IS 'Principal point, vertical.';
+COMMENT ON COLUMN cameras.distortion_model IS 'plumb_bob, rational_polynomial, equidistant, or empty.';
+COMMENT ON COLUMN cameras.distortion IS 'Coefficients of the distortion model.';
+COMMENT ON COLUMN cameras.intrinsics_source IS 'recording, camera_file, or lens_data (focal length over pixel pitch, centre assumed).';
+COMMENT ON COLUMN cameras.camera_height_m IS 'Height of the camera above the ground.';
+COMMENT ON COLUMN cameras.camera_height_std_m IS 'Its standard error.';
+COMMENT ON COLUMN cameras.tilt_rad IS 'Tilt of the optical axis below the horizon.';
+COMMENT ON COLUMN cameras.tilt_std_rad IS 'Its standard error.';
+COMMENT ON COLUMN cameras.roll_rad IS 'Rotation about the optical axis.';
+COMMENT ON COLUMN cameras.roll_std_rad IS 'Its standard error.';
+COMMENT ON COLUMN cameras.pose_source IS 'given, walkers, or NULL where the pose is unknown.';
+
+CREATE TABLE IF NOT EXISTS frames (
+    recording_id          VARCHAR NOT NULL,
+    camera                VARCHAR NOT NULL,
+    frame_index           INTEGER NOT NULL,
+    log_time_ns           BIGINT NOT NULL,
+    capture_time_ns       BIGINT NOT NULL,
+    image_format          VARCHAR,
+    image_bytes           INTEGER,
+    width_px              INTEGER,
+    height_px             INTEGER,
+    decoded               BOOLEAN NOT NULL,
+    exposure_pairing      VARCHAR NOT NULL,
+    exposure_offset_ns    BIGINT,
+    exposure_time_s       DOUBLE,
+    f_number              DOUBLE,
+    iso_speed             DOUBLE,
+    exposure_bias_ev      DOUBLE,
+    gain_db               DOUBLE,
+    focal_length_mm       DOUBLE,
+    focus_distance_m      DOUBLE,
+    pixel_pitch_x_um      DOUBLE,
+    pixel_pitch_y_um      DOUBLE,
+    luminance             DOUBLE,
+    clipped_fraction      DOUBLE,
+    ev100                 DOUBLE,
+    scene_luminance_cd_m2 DOUBLE
+);
+COMMENT ON TABLE frames IS 'One row a frame: its times, the exposure that belongs to it, and how bright it is.';
+COMMENT ON COLUMN frames.recording_id IS 'The recording.';
+COMMENT ON COLUMN frames.camera IS 'The camera.';
+COMMENT ON COLUMN frames.frame_index IS 'Number of the frame within its camera, from 0.';
+COMMENT ON COLUMN frames.log_time_ns IS 'When the frame was logged, nanoseconds since 1970 UTC.';
+COMMENT ON COLUMN frames.capture_time_ns IS 'When the frame was taken, by its own timestamp; the log time where it has none.';
+COMMENT ON COLUMN frames.image_format IS 'Encoding of the picture as the recording states it.';
+COMMENT ON COLUMN frames.image_bytes IS 'Size of the encoded picture.';
+COMMENT ON COLUMN frames.width_px IS 'Width of the stored picture.';
+COMMENT ON COLUMN frames.height_px IS 'Height of the stored picture.';
+COMMENT ON COLUMN frames.decoded IS 'Whether the picture could be decoded.';
+COMMENT ON COLUMN frames.exposure_pairing IS 'nearest (within the tolerance), last_known (before the frame), or none.';
+COMMENT ON COLUMN frames.exposure_offset_ns IS 'Time of the exposure message less that of the frame.';
+COMMENT ON COLUMN frames.exposure_time_s IS 'Exposure time (shutter speed).';
+COMMENT ON COLUMN frames.f_number IS 'f-number: focal length over aperture diameter.';
+COMMENT ON COLUMN frames.iso_speed IS 'Photographic sensitivity (ISO).';
+COMMENT ON COLUMN frames.exposure_bias_ev IS 'Exposure bias.';
+COMMENT ON COLUMN frames.gain_db IS 'Sensor gain, where ISO is not known.';
+COMMENT ON COLUMN frames.focal_length_mm IS 'Focal length.';
+COMMENT ON COLUMN frames.focus_distance_m IS 'Distance on which the lens is focused; infinity is a value, NULL is unknown.';
+COMMENT ON COLUMN frames.pixel_pitch_x_um IS 'Horizontal pitch of the pixels of the stored picture, on the sensor.';
+COMMENT ON COLUMN frames.pixel_pitch_y_um IS 'Vertical pitch of the pixels of the stored picture, on the sensor.';
+COMMENT ON COLUMN frames.luminance IS 'Mean relative luminance of the picture, linear light, 0..1 (Eq. 15).';
+COMMENT ON COLUMN frames.clipped_fraction IS 'Share of the pixels that are black or white.';
+COMMENT ON COLUMN frames.ev100 IS 'Exposure value at ISO 100.';
+COMMENT ON COLUMN frames.scene_luminance_cd_m2 IS 'Luminance of a scene that this exposure renders mid-grey.';
+
+CREATE TABLE IF NOT EXISTS tracks (
+    recording_id      VARCHAR NOT NULL,
+    camera            VARCHAR NOT NULL,
+    track_id          INTEGER NOT NULL,
+    class_name        VARCHAR,
+    object_id         VARCHAR,
+    first_frame_index INTEGER NOT NULL,
+    last_frame_index  INTEGER NOT NULL,
+    first_time_ns     BIGINT NOT NULL,
+    last_time_ns      BIGINT NOT NULL,
+    observation_count INTEGER NOT NULL
+);
+COMMENT ON TABLE tracks IS 'One row an object that was followed over frames.';
+COMMENT ON COLUMN tracks.recording_id IS 'The recording.';
+COMMENT ON COLUMN tracks.camera IS 'The camera.';
+COMMENT ON COLUMN tracks.track_id IS 'Number of the track within its camera.';
+COMMENT ON COLUMN tracks.class_name IS 'Class of most of its observations.';
+COMMENT ON COLUMN tracks.object_id IS 'The recording''s own id of the object, where its detections have one.';
+COMMENT ON COLUMN tracks.first_frame_index IS 'First frame in which it was seen.';
+COMMENT ON COLUMN tracks.last_frame_index IS 'Last frame in which it was seen.';
+COMMENT ON COLUMN tracks.first_time_ns IS 'Capture time of the first frame.';
+COMMENT ON COLUMN tracks.last_time_ns IS 'Capture time of the last frame.';
+COMMENT ON COLUMN tracks.observation_count IS 'In how many frames it was seen.';
+
+CREATE TABLE IF NOT EXISTS observations (
+    recording_id      VARCHAR NOT NULL,
+    observation_index INTEGER NOT NULL,
+    camera            VARCHAR NOT NULL,
+    frame_index       INTEGER NOT NULL,
+    track_id          INTEGER NOT NULL,
+    object_id         VARCHAR,
+    class_name        VARCHAR,
+    detector          VARCHAR NOT NULL,
+    score             DOUBLE,
+    x_min_px          DOUBLE NOT NULL,
+    y_min_px          DOUBLE NOT NULL,
+    x_max_px          DOUBLE NOT NULL,
+    y_max_px          DOUBLE NOT NULL,
+    x_min_std_px      DOUBLE,
+    y_min_std_px      DOUBLE,
+    x_max_std_px      DOUBLE,
+    y_max_std_px      DOUBLE,
+    truncated_left    BOOLEAN,
+    truncated_top     BOOLEAN,
+    truncated_right   BOOLEAN,
+    truncated_bottom  BOOLEAN,
+    occlusion         DOUBLE,
+    luminance         DOUBLE
+);
+COMMENT ON TABLE observations IS 'One row an object a frame: what pass 1 measured in the picture.';
+COMMENT ON COLUMN observations.recording_id IS 'The recording.';
+COMMENT ON COLUMN observations.observation_index IS 'Number of the observation within its recording, from 0.';
+COMMENT ON COLUMN observations.camera IS 'The camera.';
+COMMENT ON COLUMN observations.frame_index IS 'The frame.';
+COMMENT ON COLUMN observations.track_id IS 'The track.';
+COMMENT ON COLUMN observations.object_id IS 'The recording''s own id of the object, where its detections have one.';
+COMMENT ON COLUMN observations.class_name IS 'Class of the object; unknown where the detector cannot tell.';
+COMMENT ON COLUMN observations.detector IS 'recorded, roi, motion, or a network.';
+COMMENT ON COLUMN observations.score IS 'Confidence of the detector, 0..1.';
+COMMENT ON COLUMN observations.x_min_px IS 'Left edge of the box, pixels of the stored picture.';
+COMMENT ON COLUMN observations.y_min_px IS 'Upper edge of the box (the head of a person).';
+COMMENT ON COLUMN observations.x_max_px IS 'Right edge of the box.';
+COMMENT ON COLUMN observations.y_max_px IS 'Lower edge of the box (the feet of a person).';
+COMMENT ON COLUMN observations.x_min_std_px IS 'Standard deviation of the left edge.';
+COMMENT ON COLUMN observations.y_min_std_px IS 'Standard deviation of the upper edge.';
+COMMENT ON COLUMN observations.x_max_std_px IS 'Standard deviation of the right edge.';
+COMMENT ON COLUMN observations.y_max_std_px IS 'Standard deviation of the lower edge.';
+COMMENT ON COLUMN observations.truncated_left IS 'Whether the picture''s left edge cuts the object.';
+COMMENT ON COLUMN observations.truncated_top IS 'Whether the picture''s upper edge cuts the object.';
+COMMENT ON COLUMN observations.truncated_right IS 'Whether the picture''s right edge cuts the object.';
+COMMENT ON COLUMN observations.truncated_bottom IS 'Whether the picture''s lower edge cuts the object.';
+COMMENT ON COLUMN observations.occlusion IS 'Share of the box that the boxes of nearer objects cover, 0..1.';
+COMMENT ON COLUMN observations.luminance IS 'Mean relative luminance inside the box, linear light, 0..1.';
+
+CREATE TABLE IF NOT EXISTS estimates (
+    recording_id        VARCHAR NOT NULL,
+    run_id              VARCHAR NOT NULL,
+    observation_index   INTEGER NOT NULL,
+    method              VARCHAR NOT NULL,
+    calibration_id      VARCHAR,
+    depth_m             DOUBLE,
+    depth_std_m         DOUBLE,
+    height_m            DOUBLE,
+    height_std_m        DOUBLE,
+    height_assumed      BOOLEAN,
+    range_m             DOUBLE,
+    x_m                 DOUBLE,
+    y_m                 DOUBLE,
+    in_calibrated_range BOOLEAN
+);
+COMMENT ON TABLE estimates IS 'One row an observation a method a run: how far away and how tall. Use main.current_estimates for the newest run of each recording.';
+COMMENT ON COLUMN estimates.recording_id IS 'The recording.';
+COMMENT ON COLUMN estimates.run_id IS 'The run that made the estimate.';
+COMMENT ON COLUMN estimates.observation_index IS 'The observation.';
+COMMENT ON COLUMN estimates.method IS 'aperture (Eq. 16), inverse (Eq. 17), size, ground, defocus or fused.';
+COMMENT ON COLUMN estimates.calibration_id IS 'The calibration that was used.';
+COMMENT ON COLUMN estimates.depth_m IS 'Distance along the optical axis.';
+COMMENT ON COLUMN estimates.depth_std_m IS 'Its standard deviation; 95 % interval: 1.96 of it to either side.';
+COMMENT ON COLUMN estimates.height_m IS 'Height of the object.';
+COMMENT ON COLUMN estimates.height_std_m IS 'Its standard deviation.';
+COMMENT ON COLUMN estimates.height_assumed IS 'TRUE where the height was put in (the depth came from a height prior), not measured.';
+COMMENT ON COLUMN estimates.range_m IS 'Euclidean distance to the middle of the object.';
+COMMENT ON COLUMN estimates.x_m IS 'Position on the ground to the right of the camera; across the axis where the pose is unknown.';
+COMMENT ON COLUMN estimates.y_m IS 'Position on the ground ahead of the camera; along the axis where the pose is unknown.';
+COMMENT ON COLUMN estimates.in_calibrated_range IS 'FALSE where the calibration is used outside the range in which it was fitted; NULL where it states none.';
+
+CREATE TABLE IF NOT EXISTS track_heights (
+    recording_id      VARCHAR NOT NULL,
+    run_id            VARCHAR NOT NULL,
+    camera            VARCHAR NOT NULL,
+    track_id          INTEGER NOT NULL,
+    method            VARCHAR NOT NULL,
+    height_m          DOUBLE,
+    height_std_m      DOUBLE,
+    height_assumed    BOOLEAN,
+    depth_min_m       DOUBLE,
+    depth_median_m    DOUBLE,
+    depth_max_m       DOUBLE,
+    observation_count INTEGER NOT NULL
+);
+COMMENT ON TABLE track_heights IS 'One row a track a method a run: the height of the object over all its frames, and where it was.';
+COMMENT ON COLUMN track_heights.recording_id IS 'The recording.';
+COMMENT ON COLUMN track_heights.run_id IS 'The run that made the estimate.';
+COMMENT ON COLUMN track_heights.camera IS 'The camera.';
+COMMENT ON COLUMN track_heights.track_id IS 'The track.';
+COMMENT ON COLUMN track_heights.method IS 'The method.';
+COMMENT ON COLUMN track_heights.height_m IS 'Robust combination of the heights of its frames.';
+COMMENT ON COLUMN track_heights.height_std_m IS 'Its standard deviation, correlation between frames included.';
+COMMENT ON COLUMN track_heights.height_assumed IS 'TRUE where the height was put in, not measured.';
+COMMENT ON COLUMN track_heights.depth_min_m IS 'Nearest depth.';
+COMMENT ON COLUMN track_heights.depth_median_m IS 'Median depth.';
+COMMENT ON COLUMN track_heights.depth_max_m IS 'Farthest depth.';
+COMMENT ON COLUMN track_heights.observation_count IS 'Estimates that went in.';
+
+CREATE TABLE IF NOT EXISTS ground_truth (
+    recording_id VARCHAR NOT NULL,
+    camera       VARCHAR NOT NULL,
+    frame_index  INTEGER NOT NULL,
+    object_id    VARCHAR NOT NULL,
+    class_name   VARCHAR,
+    depth_m      DOUBLE,
+    range_m      DOUBLE,
+    height_m     DOUBLE,
+    width_m      DOUBLE,
+    x_m          DOUBLE,
+    y_m          DOUBLE,
+    x_min_px     DOUBLE,
+    y_min_px     DOUBLE,
+    x_max_px     DOUBLE,
+    y_max_px     DOUBLE
+);
+COMMENT ON TABLE ground_truth IS 'One row an object a frame of what is known by survey or construction.';
+COMMENT ON COLUMN ground_truth.recording_id IS 'The recording.';
+COMMENT ON COLUMN ground_truth.camera IS 'The camera.';
+COMMENT ON COLUMN ground_truth.frame_index IS 'The frame.';
+COMMENT ON COLUMN ground_truth.object_id IS 'Name of the object, the same in every frame.';
+COMMENT ON COLUMN ground_truth.class_name IS 'Class of the object.';
+COMMENT ON COLUMN ground_truth.depth_m IS 'True distance along the optical axis.';
+COMMENT ON COLUMN ground_truth.range_m IS 'True Euclidean distance.';
+COMMENT ON COLUMN ground_truth.height_m IS 'True height.';
+COMMENT ON COLUMN ground_truth.width_m IS 'True width.';
+COMMENT ON COLUMN ground_truth.x_m IS 'True position on the ground to the right of the camera.';
+COMMENT ON COLUMN ground_truth.y_m IS 'True position on the ground ahead of the camera.';
+COMMENT ON COLUMN ground_truth.x_min_px IS 'Left edge of the true box.';
+COMMENT ON COLUMN ground_truth.y_min_px IS 'Upper edge of the true box.';
+COMMENT ON COLUMN ground_truth.x_max_px IS 'Right edge of the true box.';
+COMMENT ON COLUMN ground_truth.y_max_px IS 'Lower edge of the true box.';
+
+CREATE TABLE IF NOT EXISTS matches (
+    recording_id      VARCHAR NOT NULL,
+    camera            VARCHAR NOT NULL,
+    frame_index       INTEGER NOT NULL,
+    observation_index INTEGER NOT NULL,
+    object_id         VARCHAR NOT NULL,
+    rule              VARCHAR NOT NULL,
+    overlap           DOUBLE
+);
+COMMENT ON TABLE matches IS 'Which observation is which true object: by object_id where both have it, else by overlap (intersection over union at least 0.5, each the other''s best).';
+COMMENT ON COLUMN matches.recording_id IS 'The recording.';
+COMMENT ON COLUMN matches.camera IS 'The camera.';
+COMMENT ON COLUMN matches.frame_index IS 'The frame.';
+COMMENT ON COLUMN matches.observation_index IS 'The observation.';
+COMMENT ON COLUMN matches.object_id IS 'The true object.';
+COMMENT ON COLUMN matches.rule IS 'object_id or overlap.';
+COMMENT ON COLUMN matches.overlap IS 'Intersection over union of the two boxes, where both are known.';
+
+CREATE TABLE IF NOT EXISTS calibrations (
+    calibration_id    VARCHAR NOT NULL,
+    run_id            VARCHAR NOT NULL,
+    camera            VARCHAR,
+    object_class      VARCHAR NOT NULL,
+    dimension         VARCHAR NOT NULL,
+    method            VARCHAR NOT NULL,
+    parameter         VARCHAR NOT NULL,
+    f_number          DOUBLE,
+    value             DOUBLE NOT NULL,
+    std_error         DOUBLE,
+    residual_std_m    DOUBLE,
+    observation_count INTEGER,
+    depth_min_m       DOUBLE,
+    depth_max_m       DOUBLE,
+    fit_rmse_m        DOUBLE,
+    loo_rmse_m        DOUBLE,
+    kfold_rmse_m      DOUBLE,
+    source            VARCHAR
+);
+COMMENT ON TABLE calibrations IS 'One row a parameter of a calibration that a run used or made.';
+COMMENT ON COLUMN calibrations.calibration_id IS 'Hash of the calibration''s numbers.';
+COMMENT ON COLUMN calibrations.run_id IS 'The run that used or made it.';
+COMMENT ON COLUMN calibrations.camera IS 'The camera that it is for; empty is any.';
+COMMENT ON COLUMN calibrations.object_class IS 'The class of objects that it is for.';
+COMMENT ON COLUMN calibrations.dimension IS 'width or height: the side of the box that it uses.';
+COMMENT ON COLUMN calibrations.method IS 'aperture, inverse or size.';
+COMMENT ON COLUMN calibrations.parameter IS 'k, b0_m, b1_m_mm or object_size_m.';
+COMMENT ON COLUMN calibrations.f_number IS 'The f-number at which the parameter holds; NULL is any.';
+COMMENT ON COLUMN calibrations.value IS 'The parameter.';
+COMMENT ON COLUMN calibrations.std_error IS 'Its standard error.';
+COMMENT ON COLUMN calibrations.residual_std_m IS 'Spread of depth about the fit.';
+COMMENT ON COLUMN calibrations.observation_count IS 'Observations that the fit used.';
+COMMENT ON COLUMN calibrations.depth_min_m IS 'Nearest depth of the fit.';
+COMMENT ON COLUMN calibrations.depth_max_m IS 'Farthest depth of the fit.';
+COMMENT ON COLUMN calibrations.fit_rmse_m IS 'RMSE on the data of the fit.';
+COMMENT ON COLUMN calibrations.loo_rmse_m IS 'RMSE of leave-one-out.';
+COMMENT ON COLUMN calibrations.kfold_rmse_m IS 'RMSE of k-fold cross-validation.';
+COMMENT ON COLUMN calibrations.source IS 'Where it comes from.';
+
+CREATE TABLE IF NOT EXISTS diagnostics (
+    recording_id VARCHAR,
+    run_id       VARCHAR NOT NULL,
+    file_name    VARCHAR,
+    severity     VARCHAR NOT NULL,
+    code         VARCHAR NOT NULL,
+    message      VARCHAR NOT NULL,
+    camera       VARCHAR,
+    topic        VARCHAR,
+    byte_offset  BIGINT,
+    log_time_ns  BIGINT,
+    end_time_ns  BIGINT,
+    count        BIGINT NOT NULL
+);
+COMMENT ON TABLE diagnostics IS 'One row for everything in the input that was refused, assumed, repaired or lost.';
+COMMENT ON COLUMN diagnostics.recording_id IS 'The recording; NULL where the file is none.';
+COMMENT ON COLUMN diagnostics.run_id IS 'The run that met it.';
+COMMENT ON COLUMN diagnostics.file_name IS 'Name of the file.';
+COMMENT ON COLUMN diagnostics.severity IS 'info, warning (a value was refused or assumed) or error (data were lost).';
+COMMENT ON COLUMN diagnostics.code IS 'A stable word for the kind of thing.';
+COMMENT ON COLUMN diagnostics.message IS 'What happened and what was done about it.';
+COMMENT ON COLUMN diagnostics.camera IS 'The camera.';
+COMMENT ON COLUMN diagnostics.topic IS 'The topic.';
+COMMENT ON COLUMN diagnostics.byte_offset IS 'Where in the file.';
+COMMENT ON COLUMN diagnostics.log_time_ns IS 'When, or the start of the time that is affected.';
+COMMENT ON COLUMN diagnostics.end_time_ns IS 'The end of the time that is affected.';
+COMMENT ON COLUMN diagnostics.count IS 'How many times it happened.';
