@@ -1,0 +1,22 @@
+"""How long work tells that it is alive: a plain record that any process can send."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+
+class Progress(NamedTuple):
+    """How far a recording is."""
+
+    file_name: str
+    stage: str  # "measure", "estimate", "timeline", "done"
+    frames: int
+    fraction: float  # of the file's bytes, 0..1
+
+
+Report = Callable[[Progress], None]
+
+
+def silent(progress: Progress) -> None:
+    """Tell nobody."""
