@@ -59,11 +59,26 @@ class DetectConfig:
     """How objects are found."""
 
     method: str = "auto"  # auto, recorded, roi, motion
+    # How much of the recording is seen before the first answer: someone walking at 1 m/s leaves
+    # every spot within it, so the median of its pictures shows the background.
+    learning_s: float = 15.0
+    # The smallest object, as a share of the picture's height: below it, one pixel of error at the
+    # foot or head is more than a tenth of the object in most recordings.
+    min_height: float = 0.04
 
 
 @dataclass(frozen=True, slots=True)
 class TrackConfig:
     """How observations are joined into tracks."""
+
+    coast_s: float = 2.0  # a walker passes behind a van or a tree within two seconds
+    coast_new_s: float = 0.5  # a track that is not confirmed yet is not worth waiting for
+    min_count: int = 5  # fewer observations are noise: a bird, a flicker
+    min_duration_s: float = 0.4  # or they all came at once
+
+    def noisy(self, count: int, duration_s: float) -> bool:
+        """Whether a track was seen too seldom or too briefly to be an object."""
+        return count < self.min_count or duration_s < self.min_duration_s
 
 
 @dataclass(frozen=True, slots=True)

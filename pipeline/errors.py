@@ -88,3 +88,7 @@ class CalibrationUndetermined(StadimeterError):
 
 class StoreError(StadimeterError):
     """The database cannot be opened, read or written."""
+
+
+class UndecodableImage(StadimeterError):
+    """The bytes of a picture cannot be decoded, or claim more pixels than are allowed."""

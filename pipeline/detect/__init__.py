@@ -1,0 +1,64 @@
+"""Finding objects in a frame: one small protocol, and one file for each way.
+
+recorded:   the detections that the recording holds
+roi:        a region of interest in which one object stands (the paper's cropping)
+motion:     what differs from the learned background of a fixed camera
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from pipeline.config import CameraConfig, DetectConfig
+from pipeline.detect.motion import MotionDetector
+from pipeline.detect.recorded import RecordedDetector
+from pipeline.detect.roi import RoiDetector
+from pipeline.errors import UsageError
+from pipeline.picture import Picture
+from pipeline.records import Boxes, Frame
+
+
+class Detector(Protocol):
+    """Finds objects in the frames of one camera, in order of time."""
+
+    @property
+    def name(self) -> str:
+        """What the observations are marked with."""
+
+    @property
+    def learning_s(self) -> float:
+        """How much of the recording it wants to see before its first answer."""
+
+    @property
+    def full_resolution(self) -> bool:
+        """Whether it needs every pixel of the stored picture."""
+
+    def learn(self, pictures: Sequence[Picture]) -> None:
+        """Look at pictures spread over the first `learning_s`; called once, if that is positive."""
+
+    def detect(self, frame: Frame, picture: Picture | None) -> Boxes:
+        """Return the objects of a frame; `picture` is None where it could not be decoded."""
+
+
+def make_detector(config: DetectConfig, camera: CameraConfig, recorded: bool) -> Detector:
+    """Return the detector for a camera.
+
+    `auto` takes the recorded detections if there are any, else the region of interest if the camera
+    file gives one, else motion.
+
+    Raises:
+        UsageError: the method is unknown, or lacks what it needs.
+    """
+    method = config.method
+    if method == "auto":
+        method = "recorded" if recorded else "roi" if camera.roi_xyxy_px else "motion"
+    if method == "recorded":
+        return RecordedDetector()
+    if method == "roi":
+        return RoiDetector(camera)
+    if method == "motion":
+        return MotionDetector(config)
+    raise UsageError(
+        f"unknown detector {method!r}", remedy="Known are auto, recorded, roi and motion"
+    )

@@ -1,0 +1,211 @@
+"""People and things that move before a fixed camera: silhouettes against the learned background.
+
+    difference -> shadows out -> silhouettes -> fragments of one person joined -> tight ends
+
+Lengths are shares of the picture or of the object, never pixels: a recording may have any size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.config import DetectConfig
+from pipeline.detect.background import Background
+from pipeline.picture import Image, Picture
+from pipeline.records import Boxes, FloatArray, Frame
+
+# The silhouettes are joined and labelled at no more than this height: enough for a person of a
+# twentieth of the picture, and labelling costs by the pixel.
+LABEL_HEIGHT_PX = 240
+# Head and legs of one person may be parted by a belt or a bag that looks like the background.
+GAP = 0.3  # of the joined height
+OVERLAP = 0.5  # of the narrower fragment's width
+# An upright person is 2 to 4.5 times as tall as wide; a stride, a bag or a bicycle makes it less.
+PERSON_ASPECT = (1.25, 6.0)
+# Columns of a silhouette lower than this share of its tallest are shadow or clutter at its side.
+SIDE_LOBE = 0.35
+# A silhouette's end is where this share of its typical width is reached: hair and shoes count, a
+# speck above or below does not.
+END_WIDTH = 0.25
+# How far an end lies from the body's true end, one sigma, in pixels of the reduced picture beside
+# what the silhouette itself shows: the blur of a half-covered pixel and of compression.
+END_STD_PX = 0.7
+
+
+class MotionDetector:
+    """Finds what moves; the background is learned from the recording's beginning."""
+
+    name = "motion"
+    full_resolution = False
+
+    def __init__(self, config: DetectConfig) -> None:
+        self.learning_s = config.learning_s
+        self._min_height = config.min_height
+        self._background: Background | None = None
+        self._shape: tuple[int, ...] = ()
+
+    def learn(self, pictures: Sequence[Picture]) -> None:
+        """Learn the background from pictures spread over time, those of the commonest size."""
+        shapes = [p.bgr.shape for p in pictures]
+        if not shapes:
+            return
+        self._shape = max(set(shapes), key=shapes.count)
+        self._background = Background([p.bgr for p in pictures if p.bgr.shape == self._shape])
+
+    def detect(self, frame: Frame, picture: Picture | None) -> Boxes:
+        """Return what stands before the background."""
+        if picture is None:
+            return Boxes.empty()
+        if self._background is None or picture.bgr.shape != self._shape:
+            # A new picture size is a new view: begin again with what is there.
+            self._shape = picture.bgr.shape
+            self._background = Background([picture.bgr])
+        background, image = self._background, picture.bgr
+        difference = background.difference(image)
+        mask = background.foreground(difference)
+        mask[background.shadow(image, mask) > 0] = 0
+        found = _silhouettes(mask, self._min_height * mask.shape[0])
+        occupied = np.zeros_like(mask)
+        for x0, y0, x1, y1 in found:
+            occupied[y0:y1, x0:x1] = 255
+        background.follow(image, occupied, frame.capture_time_ns / 1e9)
+        return _tighten(found, mask, difference, picture, self._min_height)
+
+
+def _silhouettes(mask: Image, min_height_px: float) -> npt.NDArray[np.intp]:
+    """Return boxes (n, 4) x0 y0 x1 y1, ends excluded, of what is connected or belongs together."""
+    scale = max(1, round(mask.shape[0] / LABEL_HEIGHT_PX))
+    small = cv2.resize(mask, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA)
+    _, small = cv2.threshold(small, 96, 255, cv2.THRESH_BINARY)
+    # Specks out, then what is a step apart joined, further up and down than to the sides.
+    small = cv2.medianBlur(small, 3)
+    small = cv2.morphologyEx(small, cv2.MORPH_CLOSE, np.ones((5, 3), np.uint8))
+    _, _, stats, _ = cv2.connectedComponentsWithStats(small, connectivity=8)
+    x, y, width, height, area = stats[1:].T
+    big = (area >= 6) & (height >= 2)
+    boxes = np.stack([x, y, x + width, y + height], axis=1)[big].astype(np.intp) * scale
+    weight = area[big].astype(np.float64)
+    boxes, weight = _join(boxes, weight)
+    size = boxes[:, 2:] - boxes[:, :2]
+    tall = size[:, 1] >= min_height_px
+    filled = weight * scale**2 / np.maximum(size.prod(axis=1), 1) > 0.2
+    return np.minimum(boxes[tall & filled], [mask.shape[1], mask.shape[0]] * 2)
+
+
+def _join(
+    boxes: npt.NDArray[np.intp], weight: FloatArray
+) -> tuple[npt.NDArray[np.intp], FloatArray]:
+    """Join fragments that lie above each other as the parts of one upright person do."""
+    while len(boxes) > 1:
+        x0, y0, x1, y1 = boxes.T.astype(np.float64)
+        shared = np.minimum(x1[:, None], x1) - np.maximum(x0[:, None], x0)
+        narrower = np.minimum((x1 - x0)[:, None], x1 - x0)
+        top, bottom = np.minimum(y0[:, None], y0), np.maximum(y1[:, None], y1)
+        left, right = np.minimum(x0[:, None], x0), np.maximum(x1[:, None], x1)
+        gap = np.maximum(y0[:, None], y0) - np.minimum(y1[:, None], y1)
+        height, width = bottom - top, right - left
+        upright = height / width
+        part = (
+            (shared >= OVERLAP * narrower)
+            & (gap <= GAP * height)
+            & (upright >= PERSON_ASPECT[0])
+            & (upright <= PERSON_ASPECT[1])
+            # two whole people one behind the other are not parts of one: parts are shorter
+            & (np.minimum((y1 - y0)[:, None], y1 - y0) < 0.7 * height)
+        )
+        inside = (shared >= 0.8 * narrower) & (gap <= 0)  # one within the other's outline
+        np.fill_diagonal(part, False)
+        np.fill_diagonal(inside, False)
+        cost = np.where(part | inside, np.maximum(gap, 0) / height, np.inf)
+        i, j = np.unravel_index(np.argmin(cost), cost.shape)
+        if not np.isfinite(cost[i, j]):
+            break
+        joined = np.array([left[i, j], top[i, j], right[i, j], bottom[i, j]]).astype(np.intp)
+        keep = np.ones(len(boxes), dtype=bool)
+        keep[[i, j]] = False
+        boxes = np.vstack([boxes[keep], joined])
+        weight = np.append(weight[keep], weight[i] + weight[j])
+    return boxes, weight
+
+
+def _tighten(
+    found: npt.NDArray[np.intp],
+    mask: Image,
+    difference: Image,
+    picture: Picture,
+    min_height: float,
+) -> Boxes:
+    """Return the boxes with their ends found to a fraction of a pixel, in stored pixels."""
+    edges, spreads, scores = [], [], []
+    for box in found:
+        ends = _ends_of(mask, box)
+        if ends is None or ends[0][3] - ends[0][1] < min_height * mask.shape[0]:
+            continue
+        edges.append(ends[0])
+        spreads.append(ends[1])
+        scores.append(_score(difference, mask, box))
+    if not edges:
+        return Boxes.empty()
+    # Silhouette coordinates count pixel edges from 0; stored pixels have their centre at 0.
+    bbox = np.array(edges) * picture.reduction - 0.5
+    size = bbox[:, 2:] - bbox[:, :2]
+    aspect = size[:, 1] / np.maximum(size[:, 0], 1e-9)
+    person = (aspect >= PERSON_ASPECT[0]) & (aspect <= PERSON_ASPECT[1])
+    return Boxes(
+        bbox,
+        np.array(scores),
+        tuple("person" if p else "unknown" for p in person),
+        np.array(spreads) * picture.reduction,
+        (None,) * len(edges),
+    )
+
+
+def _ends_of(mask: Image, box: npt.NDArray[np.intp]) -> tuple[list[float], list[float]] | None:
+    """Return the four ends of a silhouette and their standard deviations, in mask pixels."""
+    margin = 2
+    x0, y0 = max(box[0] - margin, 0), max(box[1] - margin, 0)
+    x1, y1 = min(box[2] + margin, mask.shape[1]), min(box[3] + margin, mask.shape[0])
+    part = mask[y0:y1, x0:x1]
+    columns = cv2.reduce(part, 0, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[0] / 255.0
+    body = columns >= SIDE_LOBE * columns.max(initial=0.0)
+    if columns.max(initial=0.0) < 2:
+        return None
+    first, last = int(np.argmax(body)), len(body) - int(np.argmax(body[::-1]))
+    rows = cv2.reduce(part[:, first:last], 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0] / 255.0
+    covered = rows[rows > 0]
+    level = max(END_WIDTH * float(np.median(covered)), 1.0) if len(covered) else np.inf
+    long = np.flatnonzero(rows >= level)
+    if len(long) < 2:
+        return None
+    top, top_std = _end(rows, int(long[0]), -1, level)
+    bottom, bottom_std = _end(rows, int(long[-1]), +1, level)
+    edges = [x0 + first, y0 + top, x0 + last, y0 + bottom]
+    side_std = float(np.hypot(END_STD_PX, 0.05 * (last - first)))
+    return [float(e) for e in edges], [side_std, top_std, side_std, bottom_std]
+
+
+def _end(rows: FloatArray, at: int, step: int, level: float) -> tuple[float, float]:
+    """Return where the width falls through `level` beyond row `at`, and its standard deviation.
+
+    Positions count the upper edge of row 0 as 0. How many rows the silhouette takes to fade is how
+    unsure its end is: a head ends within a row or two, feet in the grass do not.
+    """
+    beyond = at + step
+    outside = rows[beyond] if 0 <= beyond < len(rows) else 0.0
+    share = 1.0 - min(max((level - outside) / max(rows[at] - outside, 1e-9), 0.0), 1.0)
+    centre = at + 0.5 + step * share
+    full = np.flatnonzero(rows[:: -step if step > 0 else 1] >= 2 * level)
+    begin = (len(rows) - 1 - at) if step > 0 else at
+    fade = float(full[0] - begin) if len(full) and full[0] > begin else 0.0
+    return centre, float(np.hypot(END_STD_PX, fade / 3.0))
+
+
+def _score(difference: Image, mask: Image, box: npt.NDArray[np.intp]) -> float:
+    """Return how clearly an object stands out, 0..1: its mean contrast, 64 levels being certain."""
+    x0, y0, x1, y1 = box
+    inside = cv2.mean(difference[y0:y1, x0:x1], mask=mask[y0:y1, x0:x1])[0]
+    return float(min(inside / 64.0, 1.0))

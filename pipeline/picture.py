@@ -1,0 +1,141 @@
+"""A picture's bytes become pixels, once: reduced while decoding, with its brightness measured.
+
+JPEG is decoded at a half, a quarter or an eighth of its size in the transform itself, which costs
+little more than reading the entropy code. Motion is found on such a reduced picture.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from functools import cache
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.errors import UndecodableImage
+from pipeline.optics.exposure import LUMINANCE_WEIGHTS, srgb_to_linear
+
+Image = npt.NDArray[np.uint8]
+
+# The shorter side that is kept at least: a person of a tenth of the picture's height is then still
+# two dozen pixels tall.
+REDUCED_SIDE_PX = 256
+_FLAGS = {
+    1: cv2.IMREAD_COLOR,
+    2: cv2.IMREAD_REDUCED_COLOR_2,
+    4: cv2.IMREAD_REDUCED_COLOR_4,
+    8: cv2.IMREAD_REDUCED_COLOR_8,
+}
+# Brightness is a mean over some 5,000 pixels: its error is far below that of the exposure data.
+_SAMPLES_ACROSS = 80
+_BLACK, _WHITE = 2, 253
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A decoded picture, reduced by a whole factor: stored_px = (px + 0.5) * reduction - 0.5."""
+
+    width_px: int  # of the stored picture
+    height_px: int
+    bgr: Image  # (height / reduction, width / reduction, 3)
+    reduction: int
+    luminance: float  # mean relative luminance, linear light, 0..1
+    clipped_fraction: float
+
+
+def decode(image: bytes, *, max_pixels: int, full_resolution: bool = False) -> Picture:
+    """Decode a JPEG, PNG or WebP picture.
+
+    Raises:
+        UndecodableImage: the bytes are no picture, or one larger than `max_pixels`.
+    """
+    stated = image_size(image)
+    if stated is None:
+        raise UndecodableImage(f"{len(image)} bytes are no JPEG, PNG or WebP picture")
+    width_px, height_px = stated
+    if width_px * height_px > max_pixels or min(stated) < 1:
+        raise UndecodableImage(f"{width_px} x {height_px} pixels, the limit is {max_pixels:,}")
+    reduction = 1 if full_resolution else _reduction(width_px, height_px)
+    try:
+        flag = _FLAGS[reduction] | cv2.IMREAD_IGNORE_ORIENTATION
+        bgr = cv2.imdecode(np.frombuffer(image, dtype=np.uint8), flag)
+    except cv2.error as error:
+        raise UndecodableImage(f"OpenCV: {error.err or error}") from error
+    if bgr is None:
+        raise UndecodableImage("the picture's data are damaged")
+    luminance, clipped = _brightness(bgr)
+    return Picture(width_px, height_px, bgr, reduction, luminance, clipped)  # type: ignore[arg-type]
+
+
+def image_size(image: bytes) -> tuple[int, int] | None:
+    """Return width and height as the header states them, without decoding; None for no picture."""
+    if image[:8] == b"\x89PNG\r\n\x1a\n" and len(image) >= 24:
+        return struct.unpack(">II", image[16:24])  # type: ignore[return-value]
+    if image[:2] == b"\xff\xd8":
+        return _jpeg_size(image)
+    if image[:4] == b"RIFF" and image[8:12] == b"WEBP":
+        return _webp_size(image)
+    return None
+
+
+def _jpeg_size(image: bytes) -> tuple[int, int] | None:
+    """Walk the segments to the start-of-frame (ITU-T T.81, B.2)."""
+    at = 2
+    while at + 9 <= len(image):
+        if image[at] != 0xFF:
+            return None
+        marker = image[at + 1]
+        if marker == 0xFF:  # fill byte
+            at += 1
+        elif 0xD0 <= marker <= 0xD8 or marker == 0x01:  # no length
+            at += 2
+        elif 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            height_px, width_px = struct.unpack(">HH", image[at + 5 : at + 9])
+            return width_px, height_px
+        else:
+            at += 2 + int.from_bytes(image[at + 2 : at + 4], "big")
+    return None
+
+
+def _webp_size(image: bytes) -> tuple[int, int] | None:
+    """Read the first chunk's header (RFC 9649)."""
+    kind = image[12:16]
+    if kind == b"VP8X" and len(image) >= 30:
+        width = int.from_bytes(image[24:27], "little") + 1
+        return width, int.from_bytes(image[27:30], "little") + 1
+    if kind == b"VP8 " and len(image) >= 30:
+        width, height = struct.unpack("<HH", image[26:30])
+        return width & 0x3FFF, height & 0x3FFF
+    if kind == b"VP8L" and len(image) >= 25:
+        bits = int.from_bytes(image[21:25], "little")
+        return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    return None
+
+
+def _reduction(width_px: int, height_px: int) -> int:
+    side = min(width_px, height_px)
+    return next((r for r in (8, 4, 2) if side // r >= REDUCED_SIDE_PX), 1)
+
+
+@cache
+def _luminance_tables() -> npt.NDArray[np.float64]:
+    """Return linear light times luminance weight by sRGB value, (256, 3) in the order B, G, R."""
+    linear = srgb_to_linear(np.arange(256) / 255.0)
+    return np.stack([linear * w for w in reversed(LUMINANCE_WEIGHTS)], axis=1)
+
+
+def relative_luminance_of(bgr: Image) -> npt.NDArray[np.float64]:
+    """Return the relative luminance, linear light, of pixels (..., 3) (Eq. 15)."""
+    tables = _luminance_tables()
+    return np.asarray(
+        tables[bgr[..., 0], 0] + tables[bgr[..., 1], 1] + tables[bgr[..., 2], 2]
+    )
+
+
+def _brightness(bgr: npt.NDArray[np.uint8] | cv2.typing.MatLike) -> tuple[float, float]:
+    step = max(1, max(bgr.shape[:2]) // _SAMPLES_ACROSS)
+    sample = np.asarray(bgr[step // 2 :: step, step // 2 :: step], dtype=np.uint8)
+    dark, bright = sample.max(axis=2) <= _BLACK, sample.min(axis=2) >= _WHITE
+    return float(relative_luminance_of(sample).mean()), float((dark | bright).mean())
