@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from pipeline.errors import UndecodableImage
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.lens import Lens, intrinsics_of, lens_of
 from pipeline.ingest.mcap_records import McapFile
-from pipeline.measure import observe
+from pipeline.measure import Seen, observe
 from pipeline.optics.exposure import exposure_value_100, scene_luminance_cd_m2
 from pipeline.picture import Picture, decode
 from pipeline.progress import Progress, Report, silent
@@ -30,9 +30,6 @@ from pipeline.records import (
     CAMERAS,
     FRAMES,
     GROUND_TRUTH,
-    OBSERVATIONS,
-    TRACKS,
-    Boxes,
     Diagnostic,
     Frame,
     Intrinsics,
@@ -45,52 +42,62 @@ from pipeline.track import Tracker
 # Frames whose rows are gathered before they are written: large enough for columns to pay, small
 # enough to be nothing in memory.
 BATCH_FRAMES = 256
+# The detector learns from this many pictures, spread over its learning time, during which frames
+# wait, still encoded, in at most this much memory.
+LEARNING_PICTURES = 40
+LEARNING_BYTES = 64 * 1024**2
 # Where neither the recording's nor the picture's size is known (nothing could be decoded).
 NO_SIZE = (0, 0)
 
 
 class Decoded(NamedTuple):
-    """A frame and its picture; `error` says why there is none."""
+    """A frame and its picture, None where it could not be decoded."""
 
     frame: Frame
     picture: Picture | None
-    error: str | None
 
 
 class CameraStage:
     """What one camera's frames go through, and the state that lives between them."""
 
-    def __init__(self, config: Config, camera: str, *, recorded: bool) -> None:
+    def __init__(self, config: Config, camera: str, topic: str, *, recorded: bool) -> None:
         self.camera = camera
+        self.topic = topic
         self.settings = config.camera_named(camera)
         self.detector: Detector = make_detector(config.detect, self.settings, recorded)
         self.tracker = Tracker(config.track, camera)
         self.intrinsics: Intrinsics | None = None
         self.intrinsics_source: str | None = None
         self.size_px = NO_SIZE
-        self.topic = ""
-        self._learning: list[Decoded] | None = [] if self.detector.learning_pictures else None
+        self.learning = self.detector.learning_s > 0
+        self._waiting: list[Frame] = []
 
-    def take(self, item: Decoded) -> Iterator[tuple[Decoded, Boxes, np.ndarray]]:
-        """Yield the frame with its boxes and track ids, and those that waited for the background."""
-        if self._learning is None:
-            yield self._follow(item)
-            return
-        self._learning.append(item)
-        if len(self._learning) >= self.detector.learning_pictures:
-            yield from self.finish()
+    def ready(self, frame: Frame) -> list[Frame]:
+        """Return the frames that can go on: none while the detector's learning time lasts.
 
-    def finish(self) -> Iterator[tuple[Decoded, Boxes, np.ndarray]]:
-        """Yield what still waits: the background is learned from as many pictures as there are."""
-        waiting, self._learning = self._learning or [], None
-        if waiting:
-            self.detector.learn([d.picture for d in waiting if d.picture is not None])
-        for item in waiting:
-            yield self._follow(item)
+        What waits is still encoded, so it is small; pictures for learning are decoded from it.
+        """
+        if not self.learning:
+            return [frame]
+        self._waiting.append(frame)
+        waited_s = (frame.capture_time_ns - self._waiting[0].capture_time_ns) / 1e9
+        held = sum(len(f.image) for f in self._waiting[-1:]) * len(self._waiting)
+        if waited_s < self.detector.learning_s and held < LEARNING_BYTES:
+            return []
+        return self.release()
 
-    def _follow(self, item: Decoded) -> tuple[Decoded, Boxes, np.ndarray]:
-        boxes = self.detector.detect(item.frame, item.picture)
-        return item, boxes, self.tracker.update(item.frame.capture_time_ns, boxes)
+    def release(self) -> list[Frame]:
+        """End the learning time and return what waited, in order."""
+        self.learning = False
+        waiting, self._waiting = self._waiting, []
+        return waiting
+
+    def follow(self, item: Decoded) -> Seen:
+        """Detect and track in one frame; frames must come in order."""
+        frame, picture = item
+        boxes = self.detector.detect(frame, picture)
+        ids = self.tracker.update(frame.capture_time_ns, frame.frame_index, boxes)
+        return Seen(frame, picture, boxes, ids)
 
 
 class FirstPass:
@@ -105,8 +112,9 @@ class FirstPass:
         self.file = McapFile(path, config.limits, self.notes.add)
         self.assembler = FrameAssembler(self.file, config.ingest, self.notes)
         self.stages: dict[str, CameraStage] = {}
-        self.batch: list[tuple[Decoded, Boxes, np.ndarray]] = []
-        self.times_ns: list[int] = []
+        self.batch: list[Seen] = []
+        self.start_time_ns: int | None = None
+        self.end_time_ns: int | None = None
         self.frame_count = 0
         self.undecodable = 0
         self.observation_count = 0
@@ -116,59 +124,73 @@ class FirstPass:
 
     def run(self) -> RecordingRow:
         """Read, decode, detect, track and measure; return what is known of the recording."""
-        with PartWriter(self.parts_folder) as parts:
-            for item in self._decoded():
-                for followed in self._stage(item.frame).take(item):
-                    self._gather(followed, parts)
-            for stage in self.stages.values():
-                for followed in stage.finish():
-                    self._gather(followed, parts)
+        with PartWriter(self.parts_folder) as parts, ThreadPoolExecutor(self.threads) as pool:
+            for item in self._decoded(pool):
+                self.batch.append(self.stages[item.frame.camera].follow(item))
+                if len(self.batch) >= BATCH_FRAMES:
+                    self._write_batch(parts)
             self._write_batch(parts)
             for stage in self.stages.values():
-                parts.write("tracks", stage.tracker.tracks().cast(TRACKS))
+                parts.write("tracks", stage.tracker.tracks())
                 parts.write("cameras", self._camera_row(stage))
             self._note_absences()
             parts.write("diagnostics", diagnostics_table(list(self.notes)))
-        lost = self.undecodable + self.notes.count("lost_frames")
         return RecordingRow(
             path=self.path,
             content_sha256=self.file.content_sha256,
             size_bytes=self.file.size_bytes,
-            start_time_ns=min(self.times_ns, default=None),
-            end_time_ns=max(self.times_ns, default=None),
+            start_time_ns=self.start_time_ns,
+            end_time_ns=self.end_time_ns,
             frame_count=self.frame_count,
-            frames_lost=lost,
+            frames_lost=self.undecodable + self.assembler.frames_lost,
             damaged=self.notes.lost_data,
         )
 
-    def _stage(self, frame: Frame) -> CameraStage:
-        stage = self.stages.get(frame.camera)
-        if stage is None:
-            recorded = self.assembler.has_detections(frame.camera)
-            stage = CameraStage(self.config, frame.camera, recorded=recorded)
-            self.stages[frame.camera] = stage
-            stage.topic = frame.topic
-        return stage
+    def _frames(self, pool: Executor) -> Iterator[Frame]:
+        """Yield frames whose camera's detector is ready for them."""
+        for frame in self.assembler:
+            stage = self.stages.get(frame.camera)
+            if stage is None:
+                recorded = self.assembler.has_detections(frame.camera)
+                stage = CameraStage(self.config, frame.camera, frame.topic, recorded=recorded)
+                self.stages[frame.camera] = stage
+            yield from self._taught(stage, stage.ready(frame), pool)
+        for stage in self.stages.values():
+            yield from self._taught(stage, stage.release(), pool)
 
-    def _decoded(self) -> Iterator[Decoded]:
+    def _taught(self, stage: CameraStage, frames: list[Frame], pool: Executor) -> list[Frame]:
+        """Return the frames after the detector has learned from them, if they waited for that."""
+        if len(frames) > 1:
+            spread = np.linspace(0, len(frames) - 1, min(LEARNING_PICTURES, len(frames)))
+            sample = [frames[round(i)] for i in spread]
+            pictures = list(pool.map(self._try_decode, sample))
+            stage.detector.learn([p for p in pictures if p is not None])
+        return frames
+
+    def _try_decode(self, frame: Frame) -> Picture | None:
+        try:
+            return self._decode(frame)
+        except UndecodableImage:
+            return None  # it is reported when its turn comes
+
+    def _decode(self, frame: Frame) -> Picture:
+        full = self.stages[frame.camera].detector.full_resolution
+        max_pixels = self.config.limits.image_pixels
+        return decode(frame.image, max_pixels=max_pixels, full_resolution=full)
+
+    def _decoded(self, pool: Executor) -> Iterator[Decoded]:
         """Yield frames in order with their pictures, decoded in threads a few frames ahead."""
-        with ThreadPoolExecutor(self.threads) as pool:
-            ahead: deque[tuple[Frame, Future[Picture]]] = deque()
-            for frame in self.assembler:
-                full = self._stage(frame).detector.full_resolution
-                max_pixels = self.config.limits.image_pixels
-                future = pool.submit(
-                    decode, frame.image, max_pixels=max_pixels, full_resolution=full
-                )
-                ahead.append((frame, future))
-                if len(ahead) > 2 * self.threads + 2:
-                    yield self._result(*ahead.popleft())
-            while ahead:
+        ahead: deque[tuple[Frame, Future[Picture]]] = deque()
+        for frame in self._frames(pool):
+            ahead.append((frame, pool.submit(self._decode, frame)))
+            if len(ahead) > 2 * self.threads + 2:
                 yield self._result(*ahead.popleft())
+        while ahead:
+            yield self._result(*ahead.popleft())
 
     def _result(self, frame: Frame, future: Future[Picture]) -> Decoded:
         try:
-            return Decoded(frame, future.result(), None)
+            return Decoded(frame, future.result())
         except UndecodableImage as error:
             self.undecodable += 1
             self.notes.add(
@@ -182,42 +204,32 @@ class FirstPass:
                     log_time_ns=frame.log_time_ns,
                 )
             )
-            return Decoded(frame, None, error.problem)
-
-    def _gather(self, followed: tuple[Decoded, Boxes, np.ndarray], parts: PartWriter) -> None:
-        self.batch.append(followed)
-        if len(self.batch) >= BATCH_FRAMES:
-            self._write_batch(parts)
+            return Decoded(frame, None)
 
     def _write_batch(self, parts: PartWriter) -> None:
         batch, self.batch = self.batch, []
         if not batch:
             return
-        frames = [self._frame_row(item) for item, _, _ in batch]
-        parts.write("frames", _columns(frames, FRAMES))
-        parts.write("ground_truth", _columns(_truth_rows(batch), GROUND_TRUTH))
-        observations = observe(
-            [(item.frame, item.picture, boxes, ids) for item, boxes, ids in batch],
-            detectors={name: stage.detector.name for name, stage in self.stages.items()},
-            first_index=self.observation_count,
-        )
+        parts.write("frames", _with_light([self._frame_row(seen) for seen in batch]))
+        parts.write("ground_truth", _truth_rows([seen.frame for seen in batch]))
+        detectors = {name: stage.detector.name for name, stage in self.stages.items()}
+        observations = observe(batch, detectors, self.observation_count)
         self.observation_count += observations.num_rows
-        parts.write("observations", observations.cast(OBSERVATIONS))
-        last = batch[-1][0].frame
+        parts.write("observations", observations)
+        times_ns = [seen.frame.log_time_ns for seen in batch]
+        known = [t for t in (self.start_time_ns, self.end_time_ns) if t is not None]
+        self.start_time_ns, self.end_time_ns = min(times_ns + known), max(times_ns + known)
         self.frame_count += len(batch)
-        self.times_ns += [min(f["log_time_ns"] for f in frames), max(f["log_time_ns"] for f in frames)]
-        fraction = min(last.byte_offset / max(self.file.size_bytes, 1), 1.0)
+        fraction = min(batch[-1].frame.byte_offset / max(self.file.size_bytes, 1), 1.0)
         self.report(Progress(self.path.name, "measure", self.frame_count, fraction))
 
-    def _frame_row(self, item: Decoded) -> dict[str, object]:
-        frame, picture, exposure = item.frame, item.picture, item.frame.exposure
+    def _frame_row(self, seen: Seen) -> dict[str, object]:
+        frame, picture, exposure = seen.frame, seen.picture, seen.frame.exposure
         stage = self.stages[frame.camera]
         size_px = (picture.width_px, picture.height_px) if picture else stage.size_px
         lens = lens_of(exposure, stage.settings, frame.intrinsics, *size_px)
         if picture is not None:
             self._learn_intrinsics(stage, frame, lens, size_px)
-        ev100 = exposure_value_100(lens.f_number, exposure.exposure_time_s, exposure.iso_speed)
-        scene = scene_luminance_cd_m2(lens.f_number, exposure.exposure_time_s, exposure.iso_speed)
         return {
             "camera": frame.camera,
             "frame_index": frame.frame_index,
@@ -231,27 +243,30 @@ class FirstPass:
             "exposure_pairing": str(frame.exposure_pairing),
             "exposure_offset_ns": frame.exposure_offset_ns,
             "exposure_time_s": exposure.exposure_time_s,
+            "f_number": lens.f_number,
             "iso_speed": exposure.iso_speed,
             "exposure_bias_ev": exposure.exposure_bias_ev,
             "gain_db": exposure.gain_db,
-            **asdict(lens),
+            "focal_length_mm": lens.focal_length_mm,
+            "focus_distance_m": lens.focus_distance_m,
+            "pixel_pitch_x_um": lens.pixel_pitch_x_um,
+            "pixel_pitch_y_um": lens.pixel_pitch_y_um,
             "luminance": picture.luminance if picture else None,
             "clipped_fraction": picture.clipped_fraction if picture else None,
-            "ev100": float(ev100),
-            "scene_luminance_cd_m2": float(scene),
         }
 
     def _learn_intrinsics(
         self, stage: CameraStage, frame: Frame, lens: Lens, size_px: tuple[int, int]
     ) -> None:
         """Keep the first usable intrinsics of a camera; say when a later picture differs."""
-        if stage.size_px != size_px and stage.size_px != NO_SIZE:
-            self._note(frame, "size_changed", f"the pictures change size to {size_px}")
-        if stage.intrinsics_source == "recording" or (
-            stage.intrinsics is not None and frame.intrinsics is None
+        if size_px != stage.size_px:
+            if stage.size_px != NO_SIZE:
+                self._note(frame, "size_changed", f"the pictures change their size to {size_px}")
+            stage.size_px = size_px
+        elif stage.intrinsics is not None and (
+            stage.intrinsics_source == "recording" or frame.intrinsics is None
         ):
             return
-        stage.size_px = size_px
         found, source, complaint = intrinsics_of(frame.intrinsics, stage.settings, lens, *size_px)
         if complaint:
             self._note(frame, "doubtful_calibration", complaint)
@@ -317,19 +332,27 @@ def measure_recording(
     return FirstPass(path, config, parts, threads, report).run()
 
 
-def _columns(rows: list[dict[str, object]], schema: pa.Schema) -> pa.Table:
-    return as_table({name: [row[name] for row in rows] for name in schema.names}, schema)
-
-
-def _truth_rows(batch: list[tuple[Decoded, Boxes, np.ndarray]]) -> list[dict[str, object]]:
-    edges = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")
-    return [
-        {
-            "camera": item.frame.camera,
-            "frame_index": item.frame.frame_index,
-            **{n: getattr(t, n) for n in GROUND_TRUTH.names if hasattr(t, n)},
-            **dict(zip(edges, t.bbox_xyxy_px, strict=True)),
-        }
-        for item, _, _ in batch
-        for t in item.frame.truth
+def _with_light(rows: list[dict[str, object]]) -> pa.Table:
+    """Return rows of the table `frames`, with what the exposure says of the light in the scene."""
+    columns: dict[str, Sequence[object]] = {name: [row[name] for row in rows] for name in rows[0]}
+    settings = [
+        np.array(columns[name], dtype=np.float64)
+        for name in ("f_number", "exposure_time_s", "iso_speed")
     ]
+    columns["ev100"] = exposure_value_100(*settings).tolist()
+    columns["scene_luminance_cd_m2"] = scene_luminance_cd_m2(*settings).tolist()
+    return as_table(columns, FRAMES)
+
+
+def _truth_rows(frames: list[Frame]) -> pa.Table:
+    rows = [(frame, truth) for frame in frames for truth in frame.truth]
+    columns: dict[str, Sequence[object]] = {
+        "camera": [frame.camera for frame, _ in rows],
+        "frame_index": [frame.frame_index for frame, _ in rows],
+    }
+    for name in GROUND_TRUTH.names:
+        if name not in columns and not name.endswith("_px"):
+            columns[name] = [getattr(truth, name) for _, truth in rows]
+    for side, name in enumerate(("x_min_px", "y_min_px", "x_max_px", "y_max_px")):
+        columns[name] = [truth.bbox_xyxy_px[side] for _, truth in rows]
+    return as_table(columns, GROUND_TRUTH)

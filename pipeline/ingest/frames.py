@@ -63,6 +63,15 @@ class FrameAssembler:
         """Whether recorded detections for a camera were seen so far."""
         return self._lane_for(Kind.DETECTIONS, camera) is not None
 
+    @property
+    def frames_lost(self) -> int:
+        """How many pictures are known to have been lost with damaged parts of the file."""
+        return sum(
+            note.count
+            for note in self._notes
+            if note.code == "lost_messages" and note.topic in self.cameras
+        )
+
     def __iter__(self) -> Iterator[Frame]:
         for raw in self.file.messages():
             kind = self._kind(raw)

@@ -1,0 +1,122 @@
+"""The ends of a box as angles: what every method needs of the camera, computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.estimate.columns import Measured
+from pipeline.optics.ground_plane import remove_roll
+from pipeline.optics.pinhole import DISTORTION_MODELS, PinholeCamera
+from pipeline.optics.thin_lens import image_distance_mm
+from pipeline.records import FloatArray, Intrinsics
+
+
+def camera_of(intrinsics: Intrinsics) -> PinholeCamera:
+    """Return the optics' camera; an unknown distortion model counts as none (ingest says so)."""
+    known = intrinsics.distortion_model in DISTORTION_MODELS
+    return PinholeCamera(
+        intrinsics.fx_px,
+        intrinsics.fy_px,
+        intrinsics.cx_px,
+        intrinsics.cy_px,
+        intrinsics.width_px,
+        intrinsics.height_px,
+        intrinsics.distortion_model if known else "",
+        intrinsics.distortion if known else (),
+    )
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Boxes of one camera as undistorted normalised coordinates (x right, y down, at distance 1).
+
+    Without intrinsics they come from pixel pitch and image distance, which tells sizes but not
+    directions: those are NaN.
+    """
+
+    measured: Measured
+
+    @cached_property
+    def image_distance_mm(self) -> FloatArray:
+        """v of every frame: the focal length where the focus is infinite or unknown."""
+        m = self.measured
+        return image_distance_mm(m.focus_distance_m, m.focal_length_mm)
+
+    @cached_property
+    def width_on_sensor_mm(self) -> FloatArray:
+        """Width of the box on the sensor; NaN where a side is cut off or the pitch is unknown."""
+        m = self.measured
+        width_px = m.bbox_xyxy_px[:, 2] - m.bbox_xyxy_px[:, 0]
+        cut = m.truncated[:, 0] | m.truncated[:, 2]
+        return np.where(cut, np.nan, width_px * m.pixel_pitch_x_um * 1e-3)
+
+    @cached_property
+    def height_on_sensor_mm(self) -> FloatArray:
+        """Height of the box on the sensor; NaN where an end is cut off or the pitch is unknown."""
+        m = self.measured
+        height_px = m.bbox_xyxy_px[:, 3] - m.bbox_xyxy_px[:, 1]
+        return np.where(self.height_cut, np.nan, height_px * m.pixel_pitch_y_um * 1e-3)
+
+    @cached_property
+    def width_std_mm(self) -> FloatArray:
+        """Standard deviation of the width: both sides' errors, independent."""
+        m = self.measured
+        std_px = np.hypot(m.std_xyxy_px[:, 0], m.std_xyxy_px[:, 2])
+        return np.asarray(std_px * m.pixel_pitch_x_um * 1e-3)
+
+    @cached_property
+    def height_std_mm(self) -> FloatArray:
+        """Standard deviation of the height: both ends' errors, independent."""
+        m = self.measured
+        std_px = np.hypot(m.std_xyxy_px[:, 1], m.std_xyxy_px[:, 3])
+        return np.asarray(std_px * m.pixel_pitch_y_um * 1e-3)
+
+    @cached_property
+    def height_cut(self) -> FloatArray:
+        """Whether the picture cuts off the head or the feet, (n,)."""
+        return self.measured.truncated[:, 1] | self.measured.truncated[:, 3]
+
+    @cached_property
+    def foot(self) -> FloatArray:
+        """The middle of the lower edge, (n, 2), the camera's roll removed."""
+        return self._point(3)
+
+    @cached_property
+    def head(self) -> FloatArray:
+        """The middle of the upper edge, (n, 2), the camera's roll removed."""
+        return self._point(1)
+
+    @cached_property
+    def middle(self) -> FloatArray:
+        """The middle of the box, (n, 2), the camera's roll removed."""
+        return self._at((self.measured.bbox_xyxy_px[:, :2] + self.measured.bbox_xyxy_px[:, 2:]) / 2)
+
+    @cached_property
+    def foot_std(self) -> FloatArray:
+        """Standard deviation of the lower edge, normalised."""
+        return self._std(3)
+
+    @cached_property
+    def head_std(self) -> FloatArray:
+        """Standard deviation of the upper edge, normalised."""
+        return self._std(1)
+
+    def _point(self, edge: int) -> FloatArray:
+        box = self.measured.bbox_xyxy_px
+        return self._at(np.stack([(box[:, 0] + box[:, 2]) / 2, box[:, edge]], axis=1))
+
+    def _at(self, points_px: FloatArray) -> FloatArray:
+        m = self.measured
+        if m.intrinsics is None:
+            return np.full(points_px.shape, np.nan)
+        points = camera_of(m.intrinsics).normalize(points_px)
+        return remove_roll(points, m.ground_plane.roll_rad) if m.ground_plane else points
+
+    def _std(self, edge: int) -> FloatArray:
+        m = self.measured
+        if m.intrinsics is None:
+            return np.full(len(m), np.nan)
+        return np.asarray(m.std_xyxy_px[:, edge] / m.intrinsics.fy_px)

@@ -1,0 +1,64 @@
+"""Depth and height from where an object stands on the ground (DESIGN, section 2)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.estimate.columns import Estimated
+from pipeline.estimate.geometry import Geometry
+from pipeline.optics.ground_plane import (
+    depth_jacobian,
+    foot_depth_m,
+    ground_position_m,
+    height_jacobian,
+    height_m,
+    range_m,
+)
+
+# Where the boxes of nearer objects cover an object, its lower end is the detector's guess: the share
+# that is covered, of the box's height, is how far the feet may be off (uniform: a third is one sigma).
+HIDDEN_FOOT = 1.0 / 3.0
+
+
+def estimate(geometry: Geometry) -> Estimated:
+    """Return depths, heights and positions of what stands on the ground; the pose must be known.
+
+    Where the picture cuts off the feet there is no depth; where it cuts off the head, no height.
+    """
+    m = geometry.measured
+    estimated = Estimated(len(m))
+    plane = m.ground_plane
+    if plane is None or m.intrinsics is None:
+        return estimated
+    foot, head = geometry.foot, geometry.head
+    x_f, y_f, y_h = foot[:, 0], foot[:, 1], head[:, 1]
+    h_m, tilt = plane.camera_height_m, plane.tilt_rad
+    depth_m = foot_depth_m(h_m, tilt, y_f)
+    tall_m = height_m(depth_m, y_f, y_h, tilt)
+    foot_std = np.hypot(geometry.foot_std, HIDDEN_FOOT * m.occlusion * (y_f - y_h))
+
+    by_pose = np.stack(depth_jacobian(h_m, tilt, x_f, y_f), axis=1)
+    depth_common = _quadratic(by_pose[:, :3], plane.covariance)
+    depth_std_m = np.sqrt(depth_common + (by_pose[:, 3] * foot_std) ** 2)
+
+    tall_by = np.stack(height_jacobian(h_m, tilt, foot, head), axis=1)
+    tall_common = _quadratic(tall_by[:, :3], plane.covariance)
+    noise = (tall_by[:, 3] * foot_std) ** 2 + (tall_by[:, 4] * geometry.head_std) ** 2
+
+    footless = m.truncated[:, 3]
+    estimated.depth_m = np.where(footless, np.nan, depth_m)
+    estimated.depth_std_m = np.where(footless, np.nan, depth_std_m)
+    no_height = geometry.height_cut
+    estimated.height_m = np.where(no_height, np.nan, tall_m)
+    estimated.height_std_m = np.where(no_height, np.nan, np.sqrt(tall_common + noise))
+    estimated.height_common_std_m = np.where(no_height, 0.0, np.sqrt(tall_common))
+    x_m, y_m = ground_position_m(estimated.depth_m, x_f, y_f, tilt)
+    estimated.x_m, estimated.y_m = x_m, y_m
+    half_m = np.where(np.isnan(estimated.height_m), 0.85, estimated.height_m / 2)
+    estimated.range_m = range_m(x_m, y_m, h_m, half_m)
+    return estimated
+
+
+def _quadratic(jacobian: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return j C j^T of each row."""
+    return np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)

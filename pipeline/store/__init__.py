@@ -1,0 +1,6 @@
+"""The store: DuckDB tables and views, filled in bulk, a recording at a time.
+
+parts:     what pass 1 streams to Parquet
+schema:    the SQL files of `schemas/sql`, applied
+database:  runs, recordings and estimates in and out, in transactions
+"""

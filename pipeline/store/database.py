@@ -1,0 +1,376 @@
+"""The DuckDB database: runs, recordings and estimates in and out.
+
+One process writes at a time, and shuts out all others meanwhile; any number may read. A recording is
+replaced whole inside one transaction. Values from files reach SQL as parameters or as Arrow columns,
+never as text.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+
+import duckdb
+import pyarrow as pa
+
+from pipeline.diagnostics import diagnostics_table
+from pipeline.errors import StoreError, UsageError, Where
+from pipeline.records import PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
+from pipeline.store.schema import SCHEMA_VERSION, apply_schema
+
+# What one recording has rows in; deleting these forgets it.
+RECORDING_TABLES = (
+    "recordings",
+    *PASS_ONE,
+    "matches",
+    "estimates",
+    "track_heights",
+)
+# How rows are sorted as they go in, so that a recording's, a camera's and a time's lie together.
+_ORDER = {
+    "frames": "camera, frame_index",
+    "observations": "camera, frame_index, track_id",
+    "ground_truth": "camera, frame_index",
+    "tracks": "camera, track_id",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingRow:
+    """What is known of a recording after pass 1."""
+
+    path: Path
+    content_sha256: str
+    size_bytes: int
+    start_time_ns: int | None
+    end_time_ns: int | None
+    frame_count: int
+    frames_lost: int
+    damaged: bool
+
+    @property
+    def recording_id(self) -> str:
+        """The key: the same bytes under another name are the same recording."""
+        return self.content_sha256[:16]
+
+
+class Store:
+    """A connection to a stadimeter database; use `open`, and as a context manager."""
+
+    def __init__(self, connection: duckdb.DuckDBPyConnection, path: Path) -> None:
+        self.path = path
+        self._connection = connection
+        self._in_transaction = False
+
+    @classmethod
+    def open(cls, path: Path, *, read_only: bool = False) -> Store:
+        """Open a database, and create it if it is to be written and does not exist.
+
+        A connection that only reads can neither change the database nor reach any other file.
+
+        Raises:
+            StoreError: it does not exist, is none, is of another version, or is held by another
+                process.
+        """
+        where = Where(path)
+        if read_only and not path.is_file():
+            raise StoreError(
+                "there is no such database", where=where, remedy="`stadimeter run` makes one"
+            )
+        config = {"autoinstall_known_extensions": "false", "autoload_known_extensions": "false"}
+        try:
+            if not read_only:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            connection = duckdb.connect(str(path), read_only=read_only, config=config)
+        except duckdb.IOException as error:
+            text = str(error)
+            if "lock" in text.lower():
+                raise StoreError(
+                    "another process holds the database",
+                    where=where,
+                    remedy="Wait until it ends, or close it; many may read, but only one writes",
+                ) from error
+            raise StoreError(f"not a DuckDB database, or damaged: {text}", where=where) from error
+        except (duckdb.Error, OSError) as error:
+            raise StoreError(f"cannot be opened: {error}", where=where) from error
+        store = cls(connection, path)
+        try:
+            store._prepare(read_only)
+        except BaseException:
+            connection.close()
+            raise
+        return store
+
+    def _prepare(self, read_only: bool) -> None:
+        tables = {r[0] for r in self._connection.execute("SHOW TABLES").fetchall()}
+        if read_only or "schema_version" in tables:
+            found = None
+            if "schema_version" in tables:
+                found = self._connection.execute("FROM schema_version").fetchone()
+            if found is None or found[0] != SCHEMA_VERSION:
+                raise StoreError(
+                    "no stadimeter database"
+                    if found is None
+                    else f"made by another version (tables {found[0]}, needed {SCHEMA_VERSION})",
+                    where=Where(self.path),
+                    remedy="Give another --db; recordings can be run again into a new one",
+                )
+        if read_only:
+            self._connection.execute("SET enable_external_access = false")
+            self._connection.execute("SET lock_configuration = true")
+            return
+        if tables and "schema_version" not in tables:
+            raise StoreError(
+                "a DuckDB database of something else",
+                where=Where(self.path),
+                remedy="Give another --db",
+            )
+        with self.transaction():
+            apply_schema(self._connection)
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._connection.close()
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """All or nothing: commit at the end, roll back on any error.
+
+        Raises:
+            StoreError: the database refused (a full disk, for one); nothing of it was kept.
+        """
+        if self._in_transaction:
+            raise RuntimeError("transactions do not nest")
+        self._connection.execute("BEGIN")
+        self._in_transaction = True
+        try:
+            yield
+            self._connection.execute("COMMIT")
+        except BaseException as error:
+            # After a failed statement COMMIT rolls back without saying so; never leave it to that.
+            self._roll_back()
+            if isinstance(error, duckdb.Error):
+                raise StoreError(
+                    f"nothing of this step was stored: {error}",
+                    where=Where(self.path),
+                    remedy="Free some disk space if it is full, then run the same command again",
+                ) from error
+            raise
+        finally:
+            self._in_transaction = False
+
+    def _roll_back(self) -> None:
+        try:
+            self._connection.execute("ROLLBACK")
+        except duckdb.Error:
+            pass  # the failed COMMIT has ended it already
+
+    def start_run(
+        self, command: str, label: str | None, configuration: str, libraries: str, version: str
+    ) -> str:
+        """Enter a run, and return its name."""
+        run_id = uuid.uuid4().hex[:12]
+        with self.transaction():
+            self._connection.execute(
+                "INSERT INTO runs BY NAME SELECT ? AS run_id, ? AS command, ? AS label, "
+                "? AS started_at, ? AS software_version, ? AS libraries, ? AS configuration",
+                [run_id, command, label, datetime.now(UTC), version, libraries, configuration],
+            )
+        return run_id
+
+    def finish_run(self, run_id: str) -> None:
+        """Enter when a run ended."""
+        with self.transaction():
+            self._connection.execute(
+                "UPDATE runs SET finished_at = ? WHERE run_id = ?", [datetime.now(UTC), run_id]
+            )
+
+    def ingest(self, recording: RecordingRow, parts: Path, run_id: str) -> str:
+        """Replace a recording by what pass 1 measured of it; call inside a transaction.
+
+        Observations of tracks that did not last (they are not in the part `tracks`) are noise of the
+        detector and are left out. Returns the recording's id.
+        """
+        recording_id = recording.recording_id
+        self._refuse_collision(recording)
+        for table in RECORDING_TABLES:
+            self._connection.execute(f"DELETE FROM {table} WHERE recording_id = ?", [recording_id])
+        self._connection.execute(
+            "INSERT INTO recordings BY NAME SELECT ? AS recording_id, ? AS content_sha256, "
+            "? AS file_name, ? AS path, ? AS size_bytes, ? AS start_time_ns, ? AS end_time_ns, "
+            "? AS frame_count, ? AS frames_lost, ? AS damaged, ? AS run_id",
+            [
+                recording_id,
+                recording.content_sha256,
+                recording.path.name,
+                str(recording.path),
+                recording.size_bytes,
+                recording.start_time_ns,
+                recording.end_time_ns,
+                recording.frame_count,
+                recording.frames_lost,
+                recording.damaged,
+                run_id,
+            ],
+        )
+        for table in PASS_ONE:
+            self._insert_part(table, parts, recording_id, recording.path.name, run_id)
+        self._connection.execute(
+            "INSERT INTO matches BY NAME SELECT * FROM accuracy.match_candidates "
+            "WHERE recording_id = ?",
+            [recording_id],
+        )
+        return recording_id
+
+    def _refuse_collision(self, recording: RecordingRow) -> None:
+        other = self._connection.execute(
+            "SELECT path FROM recordings WHERE recording_id = ? AND content_sha256 <> ?",
+            [recording.recording_id, recording.content_sha256],
+        ).fetchone()
+        if other is not None:
+            raise StoreError(
+                f"its key {recording.recording_id} is taken by another recording, {other[0]}",
+                where=Where(recording.path),
+                remedy="Use another database for it",
+            )
+
+    def _insert_part(
+        self, table: str, parts: Path, recording_id: str, file_name: str, run_id: str
+    ) -> None:
+        source = "SELECT ? AS recording_id, * FROM read_parquet(?)"
+        values: list[object] = [recording_id, str(parts / f"{table}.parquet")]
+        if table == "observations":
+            source += " SEMI JOIN read_parquet(?) USING (camera, track_id)"
+            values.append(str(parts / "tracks.parquet"))
+        if table == "diagnostics":
+            source = f"SELECT ? AS run_id, ? AS file_name, * FROM ({source})"
+            values = [run_id, file_name, *values]
+        if table in _ORDER:
+            source += f" ORDER BY {_ORDER[table]}"
+        self._connection.execute(f"INSERT INTO {table} BY NAME {source}", values)
+
+    def write_estimates(
+        self,
+        recording_id: str,
+        run_id: str,
+        estimates: pa.Table,
+        track_heights: pa.Table,
+        calibrations: pa.Table,
+    ) -> None:
+        """Store what pass 2 made of a recording; call inside a transaction."""
+        tables = {"estimates": estimates, "track_heights": track_heights}
+        for table, rows in tables.items():
+            rows = rows.select(PASS_TWO[table].names)
+            self._connection.register("incoming", rows)
+            self._connection.execute(
+                f"INSERT INTO {table} BY NAME "
+                "SELECT ? AS recording_id, ? AS run_id, * FROM incoming",
+                [recording_id, run_id],
+            )
+            self._connection.unregister("incoming")
+        self.add_calibrations(calibrations, run_id)
+
+    def add_calibrations(self, calibrations: pa.Table, run_id: str) -> None:
+        """Store the calibrations that a run used or made, each once; call inside a transaction."""
+        self._connection.register("incoming", calibrations)
+        self._connection.execute(
+            "INSERT INTO calibrations BY NAME SELECT ? AS run_id, * FROM incoming "
+            "WHERE calibration_id NOT IN (SELECT calibration_id FROM calibrations WHERE run_id = ?)",
+            [run_id, run_id],
+        )
+        self._connection.unregister("incoming")
+
+    def set_pose(self, recording_id: str, camera: str, plane: GroundPlane) -> None:
+        """Store the pose of a camera; call inside a transaction."""
+        std = plane.covariance.diagonal() ** 0.5
+        self._connection.execute(
+            "UPDATE cameras SET camera_height_m = ?, camera_height_std_m = ?, tilt_rad = ?, "
+            "tilt_std_rad = ?, roll_rad = ?, roll_std_rad = ?, pose_source = ? "
+            "WHERE recording_id = ? AND camera = ?",
+            [
+                plane.camera_height_m,
+                float(std[0]),
+                plane.tilt_rad,
+                float(std[1]),
+                plane.roll_rad,
+                float(std[2]),
+                plane.source,
+                recording_id,
+                camera,
+            ],
+        )
+
+    def add_diagnostics(
+        self, notes: Sequence[Diagnostic], recording_id: str | None, run_id: str, file_name: str
+    ) -> None:
+        """Add diagnostics, of a recording or of a file that is none; call inside a transaction."""
+        self._connection.register("incoming", diagnostics_table(list(notes)))
+        self._connection.execute(
+            "INSERT INTO diagnostics BY NAME "
+            "SELECT ? AS recording_id, ? AS run_id, ? AS file_name, * FROM incoming",
+            [recording_id, run_id, file_name],
+        )
+        self._connection.unregister("incoming")
+
+    def read(self, table: str, recording_id: str) -> pa.Table:
+        """Return a recording's rows of a table, in the order in which they are stored."""
+        if table not in RECORDING_TABLES:
+            raise ValueError(f"{table!r} is no table of recordings")
+        return self._connection.sql(
+            f"SELECT * FROM {table} WHERE recording_id = ?", params=[recording_id]
+        ).to_arrow_table()
+
+    def read_current(self, table: str, recording_id: str) -> pa.Table:
+        """Return a recording's rows of `estimates` or `track_heights` that the newest run made."""
+        if table not in ("estimates", "track_heights"):
+            raise ValueError(f"{table!r} is no table of estimates")
+        return self._connection.sql(
+            f"SELECT t.* FROM {table} t SEMI JOIN main.current_run USING (recording_id, run_id) "
+            "WHERE recording_id = ?",
+            params=[recording_id],
+        ).to_arrow_table()
+
+    def recordings(self) -> pa.Table:
+        """Return all recordings."""
+        return self._connection.sql("FROM recordings ORDER BY file_name").to_arrow_table()
+
+    def query(self, sql: str) -> pa.Table:
+        """Return the result of a statement that a user wrote.
+
+        Raises:
+            UsageError: DuckDB does not accept it.
+        """
+        try:
+            return self._connection.sql(sql).to_arrow_table()
+        except duckdb.Error as error:
+            raise UsageError(
+                f"DuckDB: {error}", remedy="`stadimeter query --list` shows tables and views"
+            ) from error
+
+    def catalog(self) -> pa.Table:
+        """Return tables and views with the questions that they answer."""
+        return self._connection.sql(
+            """
+            WITH named AS (
+                SELECT schema_name, table_name AS name, comment FROM duckdb_tables()
+                WHERE NOT internal
+                UNION ALL
+                SELECT schema_name, view_name, comment FROM duckdb_views() WHERE NOT internal
+            )
+            SELECT if(schema_name = 'main', name, schema_name || '.' || name) AS name, comment
+            FROM named WHERE name <> 'schema_version'
+            ORDER BY schema_name <> 'main', schema_name, named.name
+            """
+        ).to_arrow_table()
