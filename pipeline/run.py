@@ -80,14 +80,14 @@ def run(
     """
     paths = list(dict.fromkeys(Path(p) for p in recordings))
     with Store.open(database) as store, _parts_folder(database) as parts:
-        run_id = store.start_run("run", label, describe(config), libraries=library_versions())
+        run_id = store.start_run("run", label, describe(config), library_versions(), __version__)
         result = RunResult(run_id)
         for outcome, folder in _measured(paths, config, parts, workers, report):
             result.outcomes.append(outcome)
             _store(store, run_id, outcome, folder, config, report)
             shutil.rmtree(folder, ignore_errors=True)
             if timelines is not None and outcome.recording is not None:
-                outcome.timeline = write_timeline_of(store, outcome, timelines, report)
+                outcome.timeline = write_timeline_of(store, outcome, timelines, config, report)
             if outcome.recording is not None:
                 frames = outcome.recording.frame_count
                 report(Progress(outcome.path.name, "done", frames, 1.0))
@@ -164,10 +164,12 @@ def _store(
     report(Progress(outcome.path.name, "estimate", outcome.recording.frame_count, 1.0))
     with store.transaction():
         recording_id = store.ingest(outcome.recording, folder, run_id)
-        estimate_recording(store, recording_id, run_id, config)
+        estimate_recording(store, recording_id, run_id, outcome.path.name, config)
 
 
-def write_timeline_of(store: Store, outcome: Outcome, folder: Path, report: Report) -> Path:
+def write_timeline_of(
+    store: Store, outcome: Outcome, folder: Path, config: Config, report: Report
+) -> Path:
     """Write the Rerun recording of a stored recording; its pictures are passed through."""
     from dashboards.timeline import write_timeline  # heavy, and not everybody wants a timeline
 
@@ -175,7 +177,7 @@ def write_timeline_of(store: Store, outcome: Outcome, folder: Path, report: Repo
     assert recording is not None  # noqa: S101  (narrowing)
     report(Progress(outcome.path.name, "timeline", recording.frame_count, 1.0))
     path = folder / f"{outcome.path.stem}.rrd"
-    write_timeline(path, store.recording(recording.recording_id), outcome.path)
+    write_timeline(path, store, recording.recording_id, outcome.path, config)
     return path
 
 

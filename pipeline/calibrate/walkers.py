@@ -1,0 +1,234 @@
+"""The camera's height, tilt and roll from the people who walk before it.
+
+Each person's height is the same all along the track, near and far: that fixes the tilt, the roll and
+the ratio of every height to the camera's. The population's mean stature fixes the scale. Robust
+nonlinear least squares over the rows of the heads, given the feet:
+
+    y_h = (Z y_f - H cos t) / (Z - H sin t),   Z = h_c / (y_f cos t + sin t)
+
+with the pose (h_c, t, roll) and one height H a person as unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import OptimizeResult, least_squares
+from scipy.sparse import lil_matrix
+
+from pipeline.config import SizePrior
+from pipeline.errors import CalibrationUndetermined
+from pipeline.estimate.columns import Measured
+from pipeline.estimate.geometry import camera_of
+from pipeline.optics.ground_plane import foot_depth_m, remove_roll
+from pipeline.records import FloatArray, GroundPlane
+
+# Two people give a line of sight each for tilt and height; below four, one who stoops decides.
+MIN_PEOPLE = 4
+# A track tells something only if the person came nearer or went away: their height in the picture
+# must change, or others must be seen at other distances (checked by the standard errors).
+MIN_OBSERVATIONS = 8
+MAX_PER_TRACK = 40  # more of a track's frames say the same thing again
+# Boxes repeat their error for as long as a pose is held; half a step is the time in which it changes.
+CORRELATION_S = 0.5
+# A walker's head rises and falls by about 2 cm either side, and the box's foot is now one foot, now
+# the other (Whittle, Gait Analysis: vertical excursion of the trunk 46 mm).
+GAIT_STD = 0.02  # of the stature
+# The mean of the people who happen to walk here differs from the population's, beyond chance: by
+# country, age, shoes.
+POPULATION_MEAN_STD_M = 0.03
+# The result must be this well determined to be of use.
+MAX_HEIGHT_ERROR = 0.15  # standard error of the camera's height, relative
+MAX_TILT_ERROR_RAD = np.deg2rad(3.0)
+TILTS_RAD = np.deg2rad([2.0, 8.0, 15.0, 25.0, 35.0, 50.0])
+ROLL_STD_RAD = np.deg2rad(5.0)  # cameras are put up upright; nothing else holds roll in a narrow view
+
+
+@dataclass(frozen=True, slots=True)
+class WalkersReport:
+    """How well the people determined the pose."""
+
+    people: int
+    observations: int
+    residual_px: float  # robust spread of the heads about the fit
+    depth_ratio: float  # farthest over nearest depth of an observation
+    camera_height_std_m: float
+    tilt_std_rad: float
+    roll_std_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """The observations that are used, by track number 0..p-1; points are normalised, roll and all."""
+
+    foot: FloatArray  # (n, 2)
+    head: FloatArray  # (n, 2)
+    sigma: FloatArray  # (n,) of the head's row, normalised
+    track: npt.NDArray[np.intp]  # (n,)
+    weight: FloatArray  # (n,) the share of an independent observation that a row is
+
+    @property
+    def people(self) -> int:
+        return int(self.track.max()) + 1 if len(self.track) else 0
+
+
+def calibrate_from_walkers(
+    measured: Measured, prior: SizePrior
+) -> tuple[GroundPlane, WalkersReport]:
+    """Return the pose of the camera with its covariance, and how well it is determined.
+
+    Args:
+        measured: the observations of one camera; its intrinsics must be known.
+        prior: stature of the population, mean and spread.
+
+    Raises:
+        CalibrationUndetermined: too few people, or their tracks do not fix the pose.
+    """
+    sample = _sample(measured, prior)
+    if sample.people < MIN_PEOPLE:
+        raise CalibrationUndetermined(
+            f"{sample.people} people were followed well enough to find the camera's pose, "
+            f"{MIN_PEOPLE} are needed",
+            remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
+        )
+    fits = [_fit(sample, prior, tilt) for tilt in TILTS_RAD]
+    best = min(fits, key=lambda fit: float(fit.cost))
+    covariance = _covariance(best, sample, prior)
+    std = np.sqrt(np.diag(covariance))
+    height_m, tilt, roll = float(np.exp(best.x[0])), float(best.x[1]), float(best.x[2])
+    if std[0] > MAX_HEIGHT_ERROR * height_m or std[1] > MAX_TILT_ERROR_RAD or tilt < 0:
+        raise CalibrationUndetermined(
+            f"the tracks do not fix the camera's pose: height {height_m:.1f} ± {std[0]:.1f} m, "
+            f"tilt {np.rad2deg(tilt):.1f} ± {np.rad2deg(std[1]):.1f} degrees",
+            remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
+        )
+    report = _report(best, sample, measured, std)
+    return GroundPlane(height_m, tilt, roll, covariance, "walkers"), report
+
+
+def _sample(measured: Measured, prior: SizePrior) -> _Sample:
+    """Choose whole, unhidden people, spread over each track."""
+    usable = (
+        (measured.class_name == prior.object_class)
+        & ~measured.truncated.any(axis=1)
+        & (measured.occlusion < 0.05)
+    )
+    empty = _Sample(*(np.empty((0, 2)),) * 2, np.empty(0), np.empty(0, np.intp), np.empty(0))
+    if measured.intrinsics is None or not usable.any():
+        return empty
+    rows, tracks, weights = [], [], []
+    for track_id in np.unique(measured.track_id[usable]):
+        mine = np.flatnonzero(usable & (measured.track_id == track_id))
+        if len(mine) < MIN_OBSERVATIONS:
+            continue
+        span_s = np.ptp(measured.capture_time_ns[mine]) / 1e9
+        chosen = mine[np.unique(np.linspace(0, len(mine) - 1, MAX_PER_TRACK).astype(int))]
+        independent = min(len(chosen), max(span_s / CORRELATION_S, 1.0))
+        rows.append(chosen)
+        tracks.append(np.full(len(chosen), len(tracks), dtype=np.intp))
+        weights.append(np.full(len(chosen), independent / len(chosen)))
+    if not rows:
+        return empty
+    index = np.concatenate(rows)
+    box = measured.bbox_xyxy_px[index]
+    middle = (box[:, 0] + box[:, 2]) / 2
+    camera = camera_of(measured.intrinsics)
+    foot = camera.normalize(np.stack([middle, box[:, 3]], axis=1))
+    head = camera.normalize(np.stack([middle, box[:, 1]], axis=1))
+    std_px = np.hypot(measured.std_xyxy_px[index, 1], measured.std_xyxy_px[index, 3])
+    tall = foot[:, 1] - head[:, 1]
+    sigma = np.hypot(std_px / measured.intrinsics.fy_px, GAIT_STD * tall)
+    return _Sample(foot, head, sigma, np.concatenate(tracks), np.concatenate(weights))
+
+
+def _predict(x: FloatArray, sample: _Sample) -> FloatArray:
+    """Return the rows at which the heads should be, without roll; x is log h_c, tilt, roll, heights."""
+    camera_height_m, tilt, roll, heights_m = np.exp(x[0]), x[1], x[2], x[3:]
+    y_f = remove_roll(sample.foot, roll)[:, 1]
+    z_m = foot_depth_m(camera_height_m, tilt, y_f)
+    tall_m = heights_m[sample.track]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray((z_m * y_f - tall_m * np.cos(tilt)) / (z_m - tall_m * np.sin(tilt)))
+
+
+def _residuals(x: FloatArray, sample: _Sample, prior: SizePrior) -> FloatArray:
+    y_h = remove_roll(sample.head, x[2])[:, 1]
+    error = (y_h - _predict(x, sample)) / sample.sigma
+    # Feet above the horizon have no place on the ground: far off, but finite, so that the fit can
+    # find its way back.
+    error = np.where(np.isfinite(error), error, 100.0) * np.sqrt(sample.weight)
+    people = (x[3:] - prior.mean_m) / prior.std_m
+    return np.concatenate([error, people, [x[2] / ROLL_STD_RAD]])
+
+
+def _fit(sample: _Sample, prior: SizePrior, tilt: float) -> OptimizeResult:
+    people = sample.people
+    height_m = _height_for(sample, prior, tilt)
+    start = np.concatenate([[np.log(height_m), tilt, 0.0], np.full(people, prior.mean_m)])
+    pattern = lil_matrix((len(sample.track) + people + 1, 3 + people), dtype=int)
+    pattern[:, :3] = 1
+    pattern[np.arange(len(sample.track)), 3 + sample.track] = 1
+    pattern[len(sample.track) + np.arange(people), 3 + np.arange(people)] = 1
+    low = [np.log(0.3), np.deg2rad(-10), -0.35, *(0.4 * prior.mean_m,) * people]
+    high = [np.log(200.0), np.deg2rad(89), 0.35, *(1.6 * prior.mean_m,) * people]
+    return least_squares(
+        _residuals,
+        start,
+        args=(sample, prior),
+        loss="soft_l1",
+        f_scale=1.5,
+        jac_sparsity=pattern,
+        bounds=(low, high),
+        x_scale="jac",
+        max_nfev=200,
+    )
+
+
+def _height_for(sample: _Sample, prior: SizePrior, tilt: float) -> float:
+    """Return the camera height that gives people the mean stature at a tilt, in the median."""
+    y_f, y_h = sample.foot[:, 1], sample.head[:, 1]
+    unit_m = foot_depth_m(1.0, tilt, y_f) * (y_f - y_h) / (np.cos(tilt) - y_h * np.sin(tilt))
+    typical = np.nanmedian(unit_m) if np.isfinite(unit_m).any() else np.nan
+    return float(np.clip(prior.mean_m / typical, 0.5, 100.0)) if typical > 0 else 5.0
+
+
+def _covariance(fit: OptimizeResult, sample: _Sample, prior: SizePrior) -> FloatArray:
+    """Return the covariance of (camera height, tilt, roll).
+
+    From the Jacobian at the solution, scaled by the residuals where they are larger than stated;
+    and the uncertainty of the population's mean, which scales the camera's height and nothing else.
+    """
+    jacobian = fit.jac.toarray() if hasattr(fit.jac, "toarray") else np.asarray(fit.jac)
+    information = jacobian.T @ jacobian
+    covariance = np.linalg.pinv(information, rcond=1e-12)[:3, :3]
+    rows = len(sample.track)
+    residual = fit.fun[:rows]
+    freedom = max(sample.weight.sum() - 3 - sample.people, 1.0)
+    covariance = covariance * max(float((np.minimum(np.abs(residual), 3) ** 2).sum() / freedom), 1.0)
+    height_m = float(np.exp(fit.x[0]))
+    scale = np.diag([height_m, 1.0, 1.0])
+    covariance = scale @ covariance @ scale
+    covariance[0, 0] += (height_m * POPULATION_MEAN_STD_M / prior.mean_m) ** 2
+    return np.asarray(covariance)
+
+
+def _report(
+    fit: OptimizeResult, sample: _Sample, measured: Measured, std: FloatArray
+) -> WalkersReport:
+    error = remove_roll(sample.head, fit.x[2])[:, 1] - _predict(fit.x, sample)
+    focal_px = measured.intrinsics.fy_px if measured.intrinsics else np.nan
+    y_f = remove_roll(sample.foot, fit.x[2])[:, 1]
+    depth_m = foot_depth_m(np.exp(fit.x[0]), fit.x[1], y_f)
+    return WalkersReport(
+        people=sample.people,
+        observations=len(sample.track),
+        residual_px=float(1.4826 * np.nanmedian(np.abs(error)) * focal_px),
+        depth_ratio=float(np.nanmax(depth_m) / np.nanmin(depth_m)),
+        camera_height_std_m=float(std[0]),
+        tilt_std_rad=float(std[1]),
+        roll_std_rad=float(std[2]),
+    )
+
+

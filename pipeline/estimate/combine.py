@@ -1,0 +1,204 @@
+"""All methods on all cameras of a recording: stored tables in, estimates in long form out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute
+
+from pipeline.config import Config
+from pipeline.estimate import aperture, ground, inverse, size
+from pipeline.estimate.columns import Estimated, Measured
+from pipeline.estimate.geometry import Geometry
+from pipeline.estimate.tracks import track_heights
+from pipeline.records import (
+    CALIBRATIONS,
+    ESTIMATES,
+    TRACK_HEIGHTS,
+    Calibration,
+    Diagnostic,
+    FloatArray,
+    GroundPlane,
+    Intrinsics,
+    Method,
+    Severity,
+)
+
+METHODS: Mapping[Method, Callable[[Geometry, Config], Estimated]] = {
+    Method.APERTURE: aperture.estimate,
+    Method.INVERSE: inverse.estimate,
+    Method.SIZE: size.estimate,
+    Method.GROUND: lambda geometry, config: ground.estimate(geometry),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Estimates:
+    """What pass 2 makes of a recording."""
+
+    estimates: pa.Table
+    track_heights: pa.Table
+    calibrations: pa.Table
+    diagnostics: list[Diagnostic]
+
+
+def estimate(
+    observations: pa.Table,
+    frames: pa.Table,
+    cameras: pa.Table,
+    poses: Mapping[str, GroundPlane],
+    config: Config,
+) -> Estimates:
+    """Run every method that applies on every camera of a recording.
+
+    Args:
+        observations, frames, cameras: a recording's rows of these tables.
+        poses: the ground plane of each camera whose pose is known.
+        config: calibrations and priors.
+    """
+    rows, heights, notes = [], [], []
+    used: dict[str, Calibration] = {}
+    for measured in measured_by_camera(observations, frames, cameras, poses):
+        geometry = Geometry(measured)
+        for method, run in METHODS.items():
+            estimated = run(geometry, config)
+            if not np.isfinite(estimated.depth_m).any():
+                continue
+            rows.append(_long(measured, estimated, method))
+            heights.append(track_heights(measured, estimated, method))
+            ids = set(estimated.calibration_id) - {None}
+            used |= {c.calibration_id: c for c in config.calibration if c.calibration_id in ids}
+        notes += _notes(measured, rows, config)
+    return Estimates(
+        pa.concat_tables(rows) if rows else ESTIMATES.empty_table(),
+        pa.concat_tables(heights) if heights else TRACK_HEIGHTS.empty_table(),
+        calibrations_table(list(used.values())),
+        notes,
+    )
+
+
+def measured_by_camera(
+    observations: pa.Table,
+    frames: pa.Table,
+    cameras: pa.Table,
+    poses: Mapping[str, GroundPlane],
+) -> list[Measured]:
+    """Return the observations of each camera, joined with their frames, as arrays."""
+    lens = frames.select(
+        [
+            "camera",
+            "frame_index",
+            "capture_time_ns",
+            "f_number",
+            "focal_length_mm",
+            "focus_distance_m",
+            "pixel_pitch_x_um",
+            "pixel_pitch_y_um",
+        ]
+    )
+    joined = observations.join(lens, ["camera", "frame_index"], join_type="inner")
+    joined = joined.sort_by("observation_index")
+    result = []
+    for camera in cameras.to_pylist():
+        name = camera["camera"]
+        mine = joined.filter(pa.compute.equal(joined["camera"], name))
+        if mine.num_rows:
+            result.append(_measured(mine, name, _intrinsics(camera), poses.get(name)))
+    return result
+
+
+def _measured(
+    table: pa.Table, camera: str, intrinsics: Intrinsics | None, plane: GroundPlane | None
+) -> Measured:
+    def number(name: str) -> FloatArray:
+        return table[name].to_numpy().astype(np.float64)
+
+    sides = ("x_min", "y_min", "x_max", "y_max")
+    cuts = ("left", "top", "right", "bottom")
+    return Measured(
+        camera=camera,
+        observation_index=table["observation_index"].to_numpy(),
+        frame_index=table["frame_index"].to_numpy(),
+        capture_time_ns=table["capture_time_ns"].to_numpy(),
+        track_id=table["track_id"].to_numpy(),
+        class_name=np.array(table["class_name"].to_pylist(), dtype=np.object_),
+        bbox_xyxy_px=np.stack([number(f"{s}_px") for s in sides], axis=1),
+        std_xyxy_px=np.nan_to_num(np.stack([number(f"{s}_std_px") for s in sides], axis=1)),
+        truncated=np.stack(
+            [table[f"truncated_{c}"].to_numpy().astype(np.bool_) for c in cuts], axis=1
+        ),
+        occlusion=np.nan_to_num(number("occlusion")),
+        f_number=number("f_number"),
+        focal_length_mm=number("focal_length_mm"),
+        focus_distance_m=number("focus_distance_m"),
+        pixel_pitch_x_um=number("pixel_pitch_x_um"),
+        pixel_pitch_y_um=number("pixel_pitch_y_um"),
+        intrinsics=intrinsics,
+        ground_plane=plane,
+    )
+
+
+def _intrinsics(camera: Mapping[str, object]) -> Intrinsics | None:
+    if camera["fx_px"] is None:
+        return None
+    numbers = {k: camera[k] for k in ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")}
+    return Intrinsics(
+        **numbers,  # type: ignore[arg-type]
+        distortion_model=str(camera["distortion_model"] or ""),
+        distortion=tuple(camera["distortion"] or ()),  # type: ignore[call-overload]
+    )
+
+
+def _long(measured: Measured, estimated: Estimated, method: Method) -> pa.Table:
+    """Return the rows of a method that have a depth, in the schema of the table `estimates`."""
+    known = np.isfinite(estimated.depth_m)
+    in_range = estimated.in_calibrated_range
+    columns: dict[str, object] = {
+        name: getattr(estimated, name)[known]
+        for name in ESTIMATES.names
+        if hasattr(estimated, name) and name != "in_calibrated_range"
+    }
+    columns["observation_index"] = measured.observation_index[known]
+    columns["method"] = [str(method)] * int(known.sum())
+    columns["in_calibrated_range"] = [None if np.isnan(v) else v > 0 for v in in_range[known]]
+    arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in ESTIMATES]
+    return pa.Table.from_arrays(arrays, schema=ESTIMATES)
+
+
+def _notes(measured: Measured, rows: list[pa.Table], config: Config) -> list[Diagnostic]:
+    """Say why methods of the paper do not apply, once a camera."""
+    notes = []
+    if not np.isfinite(measured.f_number).any():
+        notes.append("the f-number is not known: `aperture` does not apply")
+    classes = sorted(set(measured.class_name))
+    covered = {c.object_class for c in config.calibration if c.camera in ("", measured.camera)}
+    covered |= {p.object_class for p in config.size_prior}
+    if missing := [c for c in classes if c not in covered]:
+        notes.append(f"no size is known for the classes {', '.join(map(repr, missing))}")
+    return [
+        Diagnostic(Severity.INFO, "method_not_applicable", text, camera=measured.camera)
+        for text in notes
+    ]
+
+
+def calibrations_table(calibrations: list[Calibration]) -> pa.Table:
+    """Return calibrations as rows of the table `calibrations`, one a parameter."""
+    pairs = [(c, p) for c in calibrations for p in c.parameters]
+    columns: dict[str, list[object]] = {
+        "parameter": [p.name for _, p in pairs],
+        "f_number": [p.f_number for _, p in pairs],
+        "value": [p.value for _, p in pairs],
+        "std_error": [p.std_error for _, p in pairs],
+    }
+    for name in CALIBRATIONS.names:
+        if name not in columns:
+            columns[name] = [_plain(getattr(c, name)) for c, _ in pairs]
+    arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in CALIBRATIONS]
+    return pa.Table.from_arrays(arrays, schema=CALIBRATIONS)
+
+
+def _plain(value: object) -> object:
+    return str(value) if isinstance(value, str) else value

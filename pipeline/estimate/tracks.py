@@ -1,0 +1,96 @@
+"""The height of a track: one number and its interval from all its frames, by each method."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from pipeline.estimate.columns import Estimated, Measured
+from pipeline.records import TRACK_HEIGHTS, FloatArray, Method
+
+# 1.4826 turns a median absolute deviation into a standard deviation (normal distribution).
+MAD_TO_STD = 1.4826
+# The median of normal errors has a variance pi / 2 times that of the mean.
+MEDIAN_EFFICIENCY = np.pi / 2
+
+
+def track_heights(measured: Measured, estimated: Estimated, method: Method) -> pa.Table:
+    """Return the median height of each track and its standard deviation, and its depths.
+
+    The noise of frames averages out over as many frames as are independent: n (1 - c) / (1 + c) with
+    c the correlation of neighbouring frames (AR(1)). What all frames share, an error of the
+    calibration or an assumed height, does not average out.
+    """
+    frame = pd.DataFrame(
+        {
+            "track_id": measured.track_id,
+            "time_ns": measured.capture_time_ns,
+            "depth_m": estimated.depth_m,
+            "height_m": estimated.height_m,
+            "common_m": estimated.height_common_std_m,
+            "std_m": estimated.height_std_m,
+            "assumed": estimated.height_assumed,
+        }
+    )
+    frame = frame[np.isfinite(frame["depth_m"])].sort_values(["track_id", "time_ns"])
+    if frame.empty:
+        return TRACK_HEIGHTS.empty_table()
+    tracks = frame.groupby("track_id", sort=True)
+    frame["deviation_m"] = frame["height_m"] - tracks["height_m"].transform("median")
+    tracks = frame.groupby("track_id", sort=True)
+    frame["before_m"] = tracks["deviation_m"].shift(1)
+    count = tracks["height_m"].count().to_numpy(dtype=np.float64)
+    frame["distance_m"] = frame["deviation_m"].abs()
+    spread_m = MAD_TO_STD * tracks["distance_m"].median().to_numpy()
+    typical_std_m = tracks["std_m"].median().to_numpy()
+    common_m = tracks["common_m"].median().to_numpy()
+    noise_m = _noise_of_median(spread_m, typical_std_m, common_m, _correlation(frame), count)
+    depth = tracks["depth_m"].agg(["min", "median", "max", "count"])
+    columns = {
+        "camera": [measured.camera] * len(depth),
+        "track_id": depth.index.to_numpy(),
+        "method": [str(method)] * len(depth),
+        "height_m": tracks["height_m"].median().to_numpy(),
+        "height_std_m": np.where(count > 0, np.hypot(noise_m, common_m), np.nan),
+        "height_assumed": tracks["assumed"].any().to_numpy(),
+        "depth_min_m": depth["min"].to_numpy(),
+        "depth_median_m": depth["median"].to_numpy(),
+        "depth_max_m": depth["max"].to_numpy(),
+        "observation_count": depth["count"].to_numpy(),
+    }
+    arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in TRACK_HEIGHTS]
+    return pa.Table.from_arrays(arrays, schema=TRACK_HEIGHTS)
+
+
+def _correlation(frame: pd.DataFrame) -> FloatArray:
+    """Return the correlation of neighbouring frames' deviations, a track, 0 to 0.99."""
+    products = pd.DataFrame(
+        {
+            "track_id": frame["track_id"],
+            "cross": frame["deviation_m"] * frame["before_m"],
+            "square": frame["deviation_m"] ** 2,
+        }
+    )
+    means = products.groupby("track_id", sort=True)[["cross", "square"]].mean()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = (means["cross"] / means["square"]).to_numpy()
+    return np.clip(np.nan_to_num(correlation), 0.0, 0.99)
+
+
+def _noise_of_median(
+    spread_m: FloatArray,
+    typical_std_m: FloatArray,
+    common_m: FloatArray,
+    correlation: FloatArray,
+    count: FloatArray,
+) -> FloatArray:
+    """Return the standard deviation of a track's median height by its frames' noise.
+
+    The spread that the frames show is trusted once there are enough of them; with few, the stated
+    deviation of one frame is the floor.
+    """
+    stated_m = np.sqrt(np.maximum(typical_std_m**2 - common_m**2, 0.0))
+    per_frame_m = np.where(count >= 10, spread_m, np.fmax(spread_m, stated_m))
+    independent = np.maximum(count * (1 - correlation) / (1 + correlation), 1.0)
+    return np.asarray(per_frame_m * np.sqrt(np.where(count > 1, MEDIAN_EFFICIENCY, 1.0) / independent))

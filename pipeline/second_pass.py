@@ -1,0 +1,91 @@
+"""Pass 2: the columns of one stored recording become depths and heights. No picture is read.
+
+    stored measurements -> pose of the camera -> every method that applies -> estimates
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pipeline.calibrate.walkers import WalkersReport, calibrate_from_walkers
+from pipeline.config import CameraConfig, Config
+from pipeline.errors import CalibrationUndetermined
+from pipeline.estimate.columns import Measured
+from pipeline.estimate.combine import estimate, measured_by_camera
+from pipeline.records import Diagnostic, Dimension, GroundPlane, Severity
+from pipeline.store.database import Store
+
+
+def estimate_recording(
+    store: Store, recording_id: str, run_id: str, file_name: str, config: Config
+) -> None:
+    """Estimate a stored recording by every method and store the results, inside a transaction."""
+    tables = {t: store.read(t, recording_id) for t in ("observations", "frames", "cameras")}
+    notes: list[Diagnostic] = []
+    poses: dict[str, GroundPlane] = {}
+    for measured in measured_by_camera(**tables, poses={}):
+        plane = _pose(measured, config, notes)
+        if plane is not None:
+            poses[measured.camera] = plane
+            store.set_pose(recording_id, measured.camera, plane)
+    result = estimate(**tables, poses=poses, config=config)
+    store.write_estimates(
+        recording_id, run_id, result.estimates, result.track_heights, result.calibrations
+    )
+    store.add_diagnostics([*notes, *result.diagnostics], recording_id, run_id, file_name)
+
+
+def _pose(measured: Measured, config: Config, notes: list[Diagnostic]) -> GroundPlane | None:
+    """Return the camera's pose: as the camera file gives it, else from the people who walk."""
+    given = given_pose(config.camera_named(measured.camera))
+    if given is not None or measured.intrinsics is None:
+        return given
+    prior = next((p for p in config.size_prior if p.dimension is Dimension.HEIGHT), None)
+    if prior is None or not (measured.class_name == prior.object_class).any():
+        return None
+    try:
+        plane, report = calibrate_from_walkers(measured, prior)
+    except CalibrationUndetermined as error:
+        notes.append(
+            Diagnostic(
+                Severity.INFO, "pose_undetermined", error.problem, camera=measured.camera
+            )
+        )
+        return None
+    notes.append(_describe(measured.camera, plane, report))
+    return plane
+
+
+def given_pose(camera: CameraConfig) -> GroundPlane | None:
+    """Return the pose that a camera file gives, or None if it gives none."""
+    if math.isnan(camera.camera_height_m) or math.isnan(camera.tilt_deg):
+        return None
+    std = np.array(
+        [
+            camera.camera_height_std_m,
+            math.radians(camera.tilt_std_deg),
+            math.radians(camera.roll_std_deg),
+        ]
+    )
+    return GroundPlane(
+        camera.camera_height_m,
+        math.radians(camera.tilt_deg),
+        math.radians(camera.roll_deg),
+        np.diag(std**2),
+        "given",
+    )
+
+
+def _describe(camera: str, plane: GroundPlane, report: WalkersReport) -> Diagnostic:
+    return Diagnostic(
+        Severity.INFO,
+        "pose_from_walkers",
+        f"pose from {report.people} people: height {plane.camera_height_m:.2f} ± "
+        f"{report.camera_height_std_m:.2f} m, tilt {math.degrees(plane.tilt_rad):.2f} ± "
+        f"{math.degrees(report.tilt_std_rad):.2f} degrees, roll {math.degrees(plane.roll_rad):.2f} ± "
+        f"{math.degrees(report.roll_std_rad):.2f} degrees (one standard error); heads lie within "
+        f"{report.residual_px:.1f} px of the fit",
+        camera=camera,
+    )
