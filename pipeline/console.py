@@ -25,7 +25,10 @@ from pipeline.progress import Progress, Report
 
 PLAIN_LINE_EVERY_S = 5.0  # where there is no terminal, such as in a log
 
-out = Console(highlight=False)
+# A table that a program or a log reads must not be cut to eighty columns.
+WIDTH = None if sys.stdout.isatty() else 400
+
+out = Console(highlight=False, width=WIDTH)
 err = Console(stderr=True, highlight=False)
 
 
@@ -45,9 +48,7 @@ def print_table(table: pa.Table, *, title: str | None = None, max_rows: int | No
     columns = [column.to_pylist() for column in shown.columns]
     for row in zip(*columns, strict=True):
         grid.add_row(*(_cell(value) for value in row))
-    # A table that is read by a program, or is wider than the terminal, must not lose digits.
-    width = None if out.is_terminal else 400
-    out.print(grid, width=width, crop=False)
+    out.print(grid, crop=False)
     if shown.num_rows < table.num_rows:
         out.print(f"... {table.num_rows - shown.num_rows:,} more rows")
 
@@ -68,7 +69,7 @@ def print_rows(title: str, header: Sequence[str], rows: Sequence[Sequence[object
         grid.add_column(name, justify="right" if numeric else "left", no_wrap=True)
     for row in rows:
         grid.add_row(*(safe(value) for value in row))
-    out.print(grid, width=None if out.is_terminal else 200, crop=False)
+    out.print(grid, crop=False)
 
 
 def _is_number(value: object) -> bool:
@@ -116,23 +117,23 @@ class _Bars:
 
 
 class _PlainLines:
+    """A line where a recording's stage changes, and every few seconds between."""
+
     def __init__(self) -> None:
-        self._last: dict[str, float] = {}
+        self._last: dict[str, tuple[str, float]] = {}
         self._started: dict[str, float] = {}
 
     def __call__(self, progress: Progress) -> None:
         now = time.monotonic()
         started = self._started.setdefault(progress.file_name, now)
-        last = self._last.setdefault(progress.file_name, now)
-        if progress.stage == "measure" and now - last < PLAIN_LINE_EVERY_S:
+        stage, last = self._last.get(progress.file_name, ("", now))
+        if stage == progress.stage and now - last < PLAIN_LINE_EVERY_S:
             return
-        self._last[progress.file_name] = now
-        rate = progress.frames / max(now - started, 1e-3)
-        left_s = (now - started) * (1 / max(progress.fraction, 1e-3) - 1)
-        remaining = f", about {left_s:.0f} s left" if progress.stage == "measure" else ""
-        print(
-            f"{safe(progress.file_name)}: {progress.stage}, {progress.frames:,} frames, "
-            f"{rate:,.0f}/s{remaining}",
-            file=sys.stderr,
-            flush=True,
-        )
+        self._last[progress.file_name] = (progress.stage, now)
+        line = f"{safe(progress.file_name)}: {progress.stage}, {progress.frames:,} frames"
+        elapsed_s = now - started
+        if elapsed_s > 1.0:
+            line += f", {progress.frames / elapsed_s:,.0f}/s"
+        if elapsed_s > 1.0 and 0.0 < progress.fraction < 1.0:
+            line += f", about {elapsed_s * (1 / progress.fraction - 1):.0f} s left"
+        print(line, file=sys.stderr, flush=True)

@@ -25,7 +25,7 @@ import pyarrow as pa
 
 from pipeline import __version__
 from pipeline.config import Config
-from pipeline.errors import StadimeterError
+from pipeline.errors import StadimeterError, StoreError, Where
 from pipeline.first_pass import measure_recording
 from pipeline.progress import Progress, Report, silent
 from pipeline.records import Diagnostic, Severity
@@ -51,6 +51,11 @@ class RunResult:
 
     run_id: str
     outcomes: list[Outcome] = field(default_factory=list)
+
+    @property
+    def stored(self) -> list[Outcome]:
+        """Recordings that are in the database."""
+        return [o for o in self.outcomes if o.recording is not None]
 
     @property
     def failed(self) -> list[Outcome]:
@@ -93,6 +98,26 @@ def run(
                 report(Progress(outcome.path.name, "done", frames, 1.0))
         store.finish_run(run_id)
     return result
+
+
+def estimate_again(database: Path, config: Config, label: str | None) -> tuple[str, int]:
+    """Run pass 2 over all stored recordings as a new run; return its name and how many they are.
+
+    Raises:
+        StoreError: the database does not exist, or cannot be written.
+    """
+    if not database.is_file():
+        raise StoreError("there is no such database", where=Where(database))
+    with Store.open(database) as store:
+        run_id = store.start_run(
+            "estimate", label, describe(config), library_versions(), __version__
+        )
+        rows = store.recordings().to_pylist()
+        for row in rows:
+            with store.transaction():
+                estimate_recording(store, row["recording_id"], run_id, row["file_name"], config)
+        store.finish_run(run_id)
+    return run_id, len(rows)
 
 
 def _measured(

@@ -1,0 +1,271 @@
+"""The command `stadimeter`: arguments in, messages and exit codes out. The work is elsewhere.
+
+Exit codes: 0 done; 1 failed; 2 wrong usage; 3 done, but some input was damaged or refused (its rows
+are in the table `diagnostics`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from pipeline import __version__
+from pipeline.errors import StadimeterError, UsageError
+
+DONE, FAILED, USAGE, DAMAGED = 0, 1, 2, 3
+DEFAULT_DB = Path("stadimeter.duckdb")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; return its exit code."""
+    parser = build_parser()
+    arguments = parser.parse_args(argv)
+    if arguments.command is None:
+        parser.print_help()
+        return USAGE
+    try:
+        code: int = arguments.function(arguments)
+    except StadimeterError as error:
+        if arguments.debug:
+            raise
+        from pipeline.console import err, safe
+
+        err.print(f"stadimeter: {safe(error)}", soft_wrap=True)
+        return USAGE if isinstance(error, UsageError) else FAILED
+    except KeyboardInterrupt:
+        print("stadimeter: interrupted; what was committed is kept", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # `stadimeter query ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    return code
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser with all commands."""
+    parser = argparse.ArgumentParser(
+        prog="stadimeter",
+        description="Distances and heights, with intervals, of what recorded footage shows.",
+    )
+    parser.add_argument("--version", action="version", version=f"stadimeter {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND")
+    _add_run(commands)
+    _add_inspect(commands)
+    _add_import(commands)
+    _add_estimate(commands)
+    _add_query(commands)
+    _add_demo(commands)
+    for command in commands.choices.values():
+        command.add_argument("--debug", action="store_true", help="show tracebacks")
+    return parser
+
+
+Commands = argparse._SubParsersAction  # the type has no public name
+
+
+def _add_run(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser("run", help="measure recordings into a database")
+    parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING")
+    _add_db(parser)
+    parser.add_argument("--rrd", type=Path, metavar="DIR", help="write a Rerun timeline of each")
+    parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")
+    parser.add_argument("--detector", choices=("auto", "recorded", "roi", "motion"))
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
+    parser.add_argument("--label", help="a name for this run, to compare it with others")
+    parser.set_defaults(function=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from dataclasses import replace
+
+    from pipeline.config import load_config
+    from pipeline.console import progress_lines
+    from pipeline.run import run
+    from pipeline.summary import print_run
+
+    if arguments.workers < 1:
+        raise UsageError("--workers must be at least 1")
+    config = load_config(arguments.camera)
+    if arguments.detector:
+        config = replace(config, detect=replace(config.detect, method=arguments.detector))
+    with progress_lines() as report:
+        result = run(
+            arguments.recordings,
+            arguments.db,
+            config,
+            timelines=arguments.rrd,
+            workers=arguments.workers,
+            label=arguments.label,
+            report=report,
+        )
+    print_run(result, arguments.db)
+    return _code_of(result.stored, result.failed, result.damaged)
+
+
+def _code_of(stored: Sequence[object], failed: Sequence[object], damaged: Sequence[object]) -> int:
+    if not stored:
+        return FAILED
+    return DAMAGED if failed or damaged else DONE
+
+
+def _add_inspect(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "inspect", help="tell what is in a recording, what is missing, what is damaged"
+    )
+    parser.add_argument("recording", type=Path, metavar="RECORDING")
+    parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")
+    parser.set_defaults(function=_inspect)
+
+
+def _inspect(arguments: argparse.Namespace) -> int:
+    from pipeline.config import load_config
+    from pipeline.errors import Where
+    from pipeline.ingest.survey import survey
+    from pipeline.summary import print_survey
+
+    if not arguments.recording.is_file():
+        raise UsageError("there is no such file", where=Where(arguments.recording))
+    found = survey(arguments.recording, load_config(arguments.camera))
+    print_survey(found)
+    return DAMAGED if found.notes.lost_data else DONE
+
+
+def _add_import(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser("import", help="make a recording of a video")
+    parser.add_argument("video", type=Path, metavar="VIDEO")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="MCAP")
+    parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file with lens data")
+    parser.add_argument("--name", help="name of the camera (default: the only one in the file)")
+    parser.add_argument(
+        "--start-time",
+        metavar="ISO",
+        help="when the video starts, such as 2026-03-01T08:00:00+01:00 (default: the file's date)",
+    )
+    parser.add_argument("--frame-rate", type=float, metavar="HZ", help="if the video has none")
+    parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S")
+    parser.add_argument("--duration", type=float, default=float("inf"), metavar="S")
+    parser.add_argument("--scale", type=float, default=1.0, help="shrink the pictures")
+    parser.add_argument("--quality", type=int, default=90, help="JPEG quality, 1-100")
+    parser.set_defaults(function=_import)
+
+
+def _import(arguments: argparse.Namespace) -> int:
+    from pipeline.config import load_config
+    from pipeline.console import out, progress_lines, safe
+    from pipeline.ingest.video import VideoImport, import_video
+    from pipeline.progress import Progress
+
+    if not 1 <= arguments.quality <= 100 or not 0 < arguments.scale <= 1:
+        raise UsageError("--quality must be 1 to 100, and --scale above 0 and at most 1")
+    config = load_config(arguments.camera)
+    name = arguments.name or (config.camera[0].name if len(config.camera) == 1 else "camera")
+    options = VideoImport(
+        start_time_ns=_start_time_ns(arguments),
+        camera=name,
+        frame_rate=arguments.frame_rate,
+        from_s=arguments.from_s,
+        duration_s=arguments.duration,
+        scale=arguments.scale,
+        jpeg_quality=arguments.quality,
+    )
+    with progress_lines() as report:
+        frames = import_video(
+            arguments.video,
+            arguments.output,
+            options,
+            config.camera_named(name),
+            lambda count: report(Progress(arguments.video.name, "import", count, 0.0)),
+        )
+    size_mb = arguments.output.stat().st_size / 1e6
+    out.print(f"{safe(arguments.output)}: {frames:,} frames, {size_mb:.1f} MB, camera {safe(name)}")
+    return DONE
+
+
+def _start_time_ns(arguments: argparse.Namespace) -> int:
+    if arguments.start_time is None:
+        if not arguments.video.is_file():
+            raise UsageError(f"{arguments.video}: there is no such file")
+        return arguments.video.stat().st_mtime_ns  # type: ignore[no-any-return]
+    try:
+        start = datetime.fromisoformat(arguments.start_time)
+    except ValueError as error:
+        raise UsageError(f"--start-time {arguments.start_time!r} is no ISO 8601 time") from error
+    start = start if start.tzinfo else start.replace(tzinfo=UTC)
+    return round(start.timestamp() * 1e6) * 1000
+
+
+def _add_estimate(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "estimate", help="estimate stored recordings again, with another camera file; reads no image"
+    )
+    _add_db(parser)
+    parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")
+    parser.add_argument("--label", help="a name for this run, to compare it with others")
+    parser.set_defaults(function=_estimate)
+
+
+def _estimate(arguments: argparse.Namespace) -> int:
+    from pipeline.config import load_config
+    from pipeline.console import out
+    from pipeline.run import estimate_again
+
+    run_id, count = estimate_again(arguments.db, load_config(arguments.camera), arguments.label)
+    out.print(f"{arguments.db}: {count:,} recordings estimated again as run {run_id}")
+    return DONE
+
+
+def _add_query(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser("query", help="ask the database in SQL; it cannot be changed")
+    parser.add_argument("sql", nargs="?", metavar="SQL")
+    _add_db(parser)
+    parser.add_argument("--view", metavar="NAME", help="all rows of a view or table")
+    parser.add_argument("--list", action="store_true", help="tables and views, what they answer")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--csv", action="store_true")
+    form.add_argument("--json", action="store_true")
+    form.add_argument("--parquet", type=Path, metavar="FILE")
+    parser.set_defaults(function=_query)
+
+
+def _query(arguments: argparse.Namespace) -> int:
+    from pipeline.console import out, print_table, safe
+    from pipeline.query import answer, write_csv, write_json, write_parquet
+
+    if sum((arguments.sql is not None, arguments.view is not None, arguments.list)) != 1:
+        raise UsageError("give one of SQL, --view NAME or --list")
+    table = answer(arguments.db, arguments.sql, arguments.view)
+    if arguments.csv:
+        write_csv(table, sys.stdout)
+    elif arguments.json:
+        write_json(table, sys.stdout)
+    elif arguments.parquet:
+        write_parquet(table, arguments.parquet)
+        out.print(f"{safe(arguments.parquet)}: {table.num_rows:,} rows")
+    else:
+        print_table(table)
+    return DONE
+
+
+def _add_demo(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser("demo", help="run on the recordings that come with the source")
+    parser.add_argument("--recordings", type=Path, metavar="DIR", help="where they are")
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR")
+    parser.set_defaults(function=_demo)
+
+
+def _demo(arguments: argparse.Namespace) -> int:
+    from pipeline.demo import demo
+
+    return _code_of(*demo(arguments.recordings, arguments.out))
+
+
+def _add_db(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--db", type=Path, default=DEFAULT_DB, metavar="FILE", help="database")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,140 @@
+"""What a person is told at the end: of a run, of a recording, of its tracks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.console import err, out, print_rows, safe
+from pipeline.ingest.survey import CameraSurvey, Survey
+from pipeline.records import Pairing, Severity
+from pipeline.run import RunResult
+from pipeline.store.database import Store
+
+# Which method's number is shown where there are several: the one that needs the least assumed.
+BEST_METHOD = """
+    CASE method WHEN 'fused' THEN 0 WHEN 'ground' THEN 1 WHEN 'defocus' THEN 2
+        WHEN 'aperture' THEN 3 WHEN 'inverse' THEN 4 ELSE 5 END
+"""
+
+
+def print_run(result: RunResult, database: Path) -> None:
+    """Print what became of each recording, the damage, and where the results are."""
+    rows = []
+    for outcome in result.outcomes:
+        row = outcome.recording
+        if row is not None:
+            lost = f"{row.frames_lost:,}" if row.frames_lost else ""
+            state = "damaged" if row.damaged else ""
+            rows.append([outcome.path.name, f"{row.frame_count:,}", lost, state])
+    if rows:
+        print_rows("Recordings", ("file", "frames", "lost", ""), rows)
+    for outcome in result.failed:
+        err.print(f"stadimeter: {safe(outcome.error)}", soft_wrap=True)
+    if result.damaged:
+        lost = sum(o.recording.frames_lost for o in result.damaged if o.recording is not None)
+        out.print(f"{lost:,} frames were lost to damage; see the table diagnostics:", style="yellow")
+        with Store.open(database, read_only=True) as store:
+            print_damage(store, result.run_id)
+    out.print(f"database  {safe(database)}", soft_wrap=True)
+    for outcome in result.outcomes:
+        if outcome.timeline is not None:
+            out.print(f"timeline  {safe(outcome.timeline)}", soft_wrap=True)
+
+
+def print_damage(store: Store, run_id: str) -> None:
+    """Print the first diagnostics of a run that say what was lost."""
+    found = store.query(
+        "SELECT file_name, byte_offset, topic, count, message FROM diagnostics "
+        f"WHERE run_id = '{run_id}' AND severity = 'error' LIMIT 10"  # our own hexadecimal name
+    )
+    for row in found.to_pylist():
+        place = f" byte {row['byte_offset']:,}" if row["byte_offset"] is not None else ""
+        topic = f" {row['topic']}" if row["topic"] else ""
+        times = f" ({row['count']:,} times)" if row["count"] > 1 else ""
+        out.print(f"  {safe(row['file_name'])}{place}{safe(topic)}: {safe(row['message'])}{times}")
+
+
+def print_tracks(store: Store, recording_id: str, title: str) -> int:
+    """Print the tracks of a recording: where, how tall, by the best method; return how many."""
+    best = store.query(
+        f"""
+        SELECT track_id, camera, method, height_m, height_std_m, height_assumed, depth_min_m,
+            depth_median_m, depth_max_m, observation_count
+        FROM track_heights SEMI JOIN main.current_run USING (recording_id, run_id)
+        WHERE recording_id = '{recording_id}'
+        QUALIFY row_number() OVER (PARTITION BY camera, track_id ORDER BY {BEST_METHOD}) = 1
+        ORDER BY camera, track_id
+        """
+    ).to_pylist()
+    rows = []
+    for track in best:
+        height = ""
+        if track["height_m"] is not None:
+            height = f"{track['height_m']:.2f} ± {1.96 * (track['height_std_m'] or 0):.2f}"
+        rows.append(
+            [
+                track["track_id"],
+                f"{track['observation_count']:,}",
+                f"{track['depth_min_m']:.1f}",
+                f"{track['depth_median_m']:.1f}",
+                f"{track['depth_max_m']:.1f}",
+                height + (" (assumed)" if track["height_assumed"] else ""),
+                track["method"],
+            ]
+        )
+    header = ("track", "frames", "nearest m", "median m", "farthest m", "height m (95 %)", "method")
+    print_rows(title, header, rows)
+    return len(rows)
+
+
+def print_survey(survey: Survey) -> None:
+    """Print what is in a recording, what is missing, and what is damaged."""
+    out.print(f"{safe(survey.path)}: {survey.size_bytes:,} bytes, sha256 {survey.content_sha256}")
+    channels = [
+        [c.topic, c.schema_name, c.message_encoding, f"{c.message_count:,}", c.kind or "not read"]
+        for c in survey.channels
+    ]
+    print_rows("Channels", ("topic", "schema", "encoding", "messages", "read as"), channels)
+    for camera in survey.cameras:
+        _print_camera(camera)
+    if not survey.cameras:
+        out.print("no pictures that are read", style="yellow")
+    for name, values in survey.metadata.items():
+        pairs = ", ".join(f"{k} = {v}" for k, v in values.items())
+        out.print(f"metadata {safe(name)}: {safe(pairs)}", soft_wrap=True)
+    for note in survey.notes:
+        colour = {"error": "red", "warning": "yellow"}.get(note.severity, "")
+        where = f" at byte {note.byte_offset:,}" if note.byte_offset is not None else ""
+        topic = f" on {note.topic}" if note.topic else ""
+        times = f" ({note.count:,} times)" if note.count > 1 else ""
+        text = f"{note.severity}{where}{topic}: {note.message}{times}"
+        out.print(safe(text), style=colour or None, soft_wrap=True)
+    if not any(n.severity is not Severity.INFO for n in survey.notes):
+        out.print("no damage found; every CRC that the file has fits")
+
+
+def _print_camera(camera: CameraSurvey) -> None:
+    seconds = (camera.last_time_ns - camera.first_time_ns) / 1e9
+    out.print(
+        f"camera {safe(camera.camera)}: {camera.frame_count:,} frames over {seconds:,.1f} s"
+        f" ({camera.frame_rate:.2f} a second, longest gap {camera.largest_gap_ns / 1e9:.2f} s)",
+        style="bold",
+    )
+    k = camera.intrinsics
+    if k is not None:
+        out.print(
+            f"  calibration {k.width_px}x{k.height_px}, focal length {k.fx_px:.1f} x {k.fy_px:.1f}"
+            f" px, centre {k.cx_px:.1f}, {k.cy_px:.1f}, distortion "
+            f"{safe(k.distortion_model or 'none')}"
+        )
+    paired = ", ".join(f"{count:,} {pairing}" for pairing, count in camera.exposure_pairings.items())
+    if set(camera.exposure_pairings) != {Pairing.NONE}:
+        out.print(f"  exposure paired by time: {paired}")
+    for name, (low, high) in camera.exposure_ranges.items():
+        out.print(f"  {name} {low:g}" + (f" to {high:g}" if high > low else ""))
+    if camera.truth_count:
+        out.print(f"  ground truth of {camera.truth_count:,} objects in frames")
+    if camera.detection_count:
+        out.print(f"  {camera.detection_count:,} recorded detections")
+    for sentence in camera.missing():
+        out.print(f"  missing: {sentence}", style="yellow", soft_wrap=True)
