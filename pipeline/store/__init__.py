@@ -1,6 +1,8 @@
 """The store: DuckDB tables and views, filled in bulk, a recording at a time.
 
-parts:     what pass 1 streams to Parquet
-schema:    the SQL files of `schemas/sql`, applied
-database:  runs, recordings and estimates in and out, in transactions
+parts:       what pass 1 streams to Parquet
+schema:      the SQL files of `schemas/sql`, applied
+connection:  opening a database, and why it cannot be opened
+catalog:     what there is to ask
+database:    runs, recordings and estimates in and out, in transactions
 """

@@ -1,15 +1,16 @@
 """The DuckDB database: runs, recordings and estimates in and out.
 
-One process writes at a time, and shuts out all others meanwhile; any number may read. A recording is
-replaced whole inside one transaction. Values from files reach SQL as parameters or as Arrow columns,
-never as text.
+One process writes at a time, and shuts out all others meanwhile; any number may read. A recording
+is replaced whole inside one transaction. Values from files reach SQL as parameters or as Arrow
+columns, never as text.
 """
+# ruff: noqa: S608  (the text that is put into SQL is names of our own tables and columns)
 
 from __future__ import annotations
 
 import uuid
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,11 +18,14 @@ from types import TracebackType
 
 import duckdb
 import pyarrow as pa
+import pyarrow.dataset
 
 from pipeline.diagnostics import diagnostics_table
 from pipeline.errors import StoreError, UsageError, Where
 from pipeline.records import PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
-from pipeline.store.schema import SCHEMA_VERSION, apply_schema
+from pipeline.store.catalog import View, views
+from pipeline.store.connection import connect
+from pipeline.store.schema import apply_schema
 
 # What one recording has rows in; deleting these forgets it.
 RECORDING_TABLES = (
@@ -34,9 +38,11 @@ RECORDING_TABLES = (
 # How rows are sorted as they go in, so that a recording's, a camera's and a time's lie together.
 _ORDER = {
     "frames": "camera, frame_index",
-    "observations": "camera, frame_index, track_id",
-    "ground_truth": "camera, frame_index",
     "tracks": "camera, track_id",
+    "observations": "camera, frame_index, observation_index",
+    "ground_truth": "camera, frame_index, object_id",
+    "estimates": "method, observation_index",
+    "track_heights": "method, camera, track_id",
 }
 
 
@@ -71,67 +77,21 @@ class Store:
     def open(cls, path: Path, *, read_only: bool = False) -> Store:
         """Open a database, and create it if it is to be written and does not exist.
 
-        A connection that only reads can neither change the database nor reach any other file.
+        No connection can reach any other file; one that only reads cannot change the database.
 
         Raises:
             StoreError: it does not exist, is none, is of another version, or is held by another
                 process.
         """
-        where = Where(path)
-        if read_only and not path.is_file():
-            raise StoreError(
-                "there is no such database", where=where, remedy="`stadimeter run` makes one"
-            )
-        config = {"autoinstall_known_extensions": "false", "autoload_known_extensions": "false"}
-        try:
-            if not read_only:
-                path.parent.mkdir(parents=True, exist_ok=True)
-            connection = duckdb.connect(str(path), read_only=read_only, config=config)
-        except duckdb.IOException as error:
-            text = str(error)
-            if "lock" in text.lower():
-                raise StoreError(
-                    "another process holds the database",
-                    where=where,
-                    remedy="Wait until it ends, or close it; many may read, but only one writes",
-                ) from error
-            raise StoreError(f"not a DuckDB database, or damaged: {text}", where=where) from error
-        except (duckdb.Error, OSError) as error:
-            raise StoreError(f"cannot be opened: {error}", where=where) from error
-        store = cls(connection, path)
-        try:
-            store._prepare(read_only)
-        except BaseException:
-            connection.close()
-            raise
+        store = cls(connect(path, read_only=read_only), path)
+        if not read_only:
+            try:
+                with store.transaction():
+                    apply_schema(store._connection)
+            except BaseException:
+                store._connection.close()
+                raise
         return store
-
-    def _prepare(self, read_only: bool) -> None:
-        tables = {r[0] for r in self._connection.execute("SHOW TABLES").fetchall()}
-        if read_only or "schema_version" in tables:
-            found = None
-            if "schema_version" in tables:
-                found = self._connection.execute("FROM schema_version").fetchone()
-            if found is None or found[0] != SCHEMA_VERSION:
-                raise StoreError(
-                    "no stadimeter database"
-                    if found is None
-                    else f"made by another version (tables {found[0]}, needed {SCHEMA_VERSION})",
-                    where=Where(self.path),
-                    remedy="Give another --db; recordings can be run again into a new one",
-                )
-        if read_only:
-            self._connection.execute("SET enable_external_access = false")
-            self._connection.execute("SET lock_configuration = true")
-            return
-        if tables and "schema_version" not in tables:
-            raise StoreError(
-                "a DuckDB database of something else",
-                where=Where(self.path),
-                remedy="Give another --db",
-            )
-        with self.transaction():
-            apply_schema(self._connection)
 
     def __enter__(self) -> Store:
         return self
@@ -157,10 +117,13 @@ class Store:
         self._in_transaction = True
         try:
             yield
+            # After a fatal error COMMIT rolls back without saying so; any statement says so.
+            self._connection.execute("SELECT 1")
             self._connection.execute("COMMIT")
         except BaseException as error:
-            # After a failed statement COMMIT rolls back without saying so; never leave it to that.
-            self._roll_back()
+            # A failed COMMIT has ended the transaction already.
+            with suppress(duckdb.Error):
+                self._connection.execute("ROLLBACK")
             if isinstance(error, duckdb.Error):
                 raise StoreError(
                     f"nothing of this step was stored: {error}",
@@ -170,12 +133,6 @@ class Store:
             raise
         finally:
             self._in_transaction = False
-
-    def _roll_back(self) -> None:
-        try:
-            self._connection.execute("ROLLBACK")
-        except duckdb.Error:
-            pass  # the failed COMMIT has ended it already
 
     def start_run(
         self, command: str, label: str | None, configuration: str, libraries: str, version: str
@@ -200,8 +157,8 @@ class Store:
     def ingest(self, recording: RecordingRow, parts: Path, run_id: str) -> str:
         """Replace a recording by what pass 1 measured of it; call inside a transaction.
 
-        Observations of tracks that did not last (they are not in the part `tracks`) are noise of the
-        detector and are left out. Returns the recording's id.
+        Observations of tracks that did not last (they are not in the part `tracks`) are noise of
+        the detector and are left out. Returns the recording's id.
         """
         recording_id = recording.recording_id
         self._refuse_collision(recording)
@@ -228,8 +185,7 @@ class Store:
         for table in PASS_ONE:
             self._insert_part(table, parts, recording_id, recording.path.name, run_id)
         self._connection.execute(
-            "INSERT INTO matches BY NAME SELECT * FROM accuracy.match_candidates "
-            "WHERE recording_id = ?",
+            "INSERT INTO matches BY NAME FROM accuracy.match_candidates(?)",
             [recording_id],
         )
         return recording_id
@@ -249,17 +205,27 @@ class Store:
     def _insert_part(
         self, table: str, parts: Path, recording_id: str, file_name: str, run_id: str
     ) -> None:
-        source = "SELECT ? AS recording_id, * FROM read_parquet(?)"
-        values: list[object] = [recording_id, str(parts / f"{table}.parquet")]
-        if table == "observations":
-            source += " SEMI JOIN read_parquet(?) USING (camera, track_id)"
-            values.append(str(parts / "tracks.parquet"))
-        if table == "diagnostics":
-            source = f"SELECT ? AS run_id, ? AS file_name, * FROM ({source})"
-            values = [run_id, file_name, *values]
-        if table in _ORDER:
-            source += f" ORDER BY {_ORDER[table]}"
-        self._connection.execute(f"INSERT INTO {table} BY NAME {source}", values)
+        with self._incoming("part", _part(parts, table)):
+            source = f"SELECT ? AS recording_id, {_known(table)} FROM part"
+            values = [recording_id]
+            if table == "diagnostics":
+                source = f"SELECT ? AS run_id, ? AS file_name, * FROM ({source})"
+                values = [run_id, file_name, recording_id]
+            if table == "observations":
+                source += " SEMI JOIN (FROM tracks WHERE recording_id = ?) USING (camera, track_id)"
+                values.append(recording_id)
+            if table in _ORDER:
+                source += f" ORDER BY {_ORDER[table]}"
+            self._connection.execute(f"INSERT INTO {table} BY NAME {source}", values)
+
+    @contextmanager
+    def _incoming(self, name: str, rows: pa.Table | pyarrow.dataset.Dataset) -> Iterator[None]:
+        """Let SQL see Arrow rows under a name."""
+        self._connection.register(name, rows)
+        try:
+            yield
+        finally:
+            self._connection.unregister(name)
 
     def write_estimates(
         self,
@@ -269,28 +235,29 @@ class Store:
         track_heights: pa.Table,
         calibrations: pa.Table,
     ) -> None:
-        """Store what pass 2 made of a recording; call inside a transaction."""
-        tables = {"estimates": estimates, "track_heights": track_heights}
-        for table, rows in tables.items():
-            rows = rows.select(PASS_TWO[table].names)
-            self._connection.register("incoming", rows)
+        """Replace what pass 2 made of a recording in a run; call inside a transaction."""
+        for table, rows in (("estimates", estimates), ("track_heights", track_heights)):
             self._connection.execute(
-                f"INSERT INTO {table} BY NAME "
-                "SELECT ? AS recording_id, ? AS run_id, * FROM incoming",
+                f"DELETE FROM {table} WHERE recording_id = ? AND run_id = ?",
                 [recording_id, run_id],
             )
-            self._connection.unregister("incoming")
+            with self._incoming("incoming", rows.select(PASS_TWO[table].names)):
+                self._connection.execute(
+                    f"INSERT INTO {table} BY NAME SELECT ? AS recording_id, ? AS run_id, "
+                    f"{_known(table)} FROM incoming ORDER BY {_ORDER[table]}",
+                    [recording_id, run_id],
+                )
         self.add_calibrations(calibrations, run_id)
 
     def add_calibrations(self, calibrations: pa.Table, run_id: str) -> None:
         """Store the calibrations that a run used or made, each once; call inside a transaction."""
-        self._connection.register("incoming", calibrations)
-        self._connection.execute(
-            "INSERT INTO calibrations BY NAME SELECT ? AS run_id, * FROM incoming "
-            "WHERE calibration_id NOT IN (SELECT calibration_id FROM calibrations WHERE run_id = ?)",
-            [run_id, run_id],
-        )
-        self._connection.unregister("incoming")
+        with self._incoming("incoming", calibrations):
+            self._connection.execute(
+                f"INSERT INTO calibrations BY NAME SELECT ? AS run_id, {_known('calibrations')} "
+                "FROM incoming ANTI JOIN (FROM calibrations WHERE run_id = ?) "
+                "USING (calibration_id)",
+                [run_id, run_id],
+            )
 
     def set_pose(self, recording_id: str, camera: str, plane: GroundPlane) -> None:
         """Store the pose of a camera; call inside a transaction."""
@@ -316,13 +283,12 @@ class Store:
         self, notes: Sequence[Diagnostic], recording_id: str | None, run_id: str, file_name: str
     ) -> None:
         """Add diagnostics, of a recording or of a file that is none; call inside a transaction."""
-        self._connection.register("incoming", diagnostics_table(list(notes)))
-        self._connection.execute(
-            "INSERT INTO diagnostics BY NAME "
-            "SELECT ? AS recording_id, ? AS run_id, ? AS file_name, * FROM incoming",
-            [recording_id, run_id, file_name],
-        )
-        self._connection.unregister("incoming")
+        with self._incoming("incoming", diagnostics_table(list(notes))):
+            self._connection.execute(
+                "INSERT INTO diagnostics BY NAME "
+                "SELECT ? AS recording_id, ? AS run_id, ? AS file_name, * FROM incoming",
+                [recording_id, run_id, file_name],
+            )
 
     def read(self, table: str, recording_id: str) -> pa.Table:
         """Return a recording's rows of a table, in the order in which they are stored."""
@@ -347,30 +313,53 @@ class Store:
         return self._connection.sql("FROM recordings ORDER BY file_name").to_arrow_table()
 
     def query(self, sql: str) -> pa.Table:
-        """Return the result of a statement that a user wrote.
+        """Return the result of one statement that a user wrote; it cannot change anything.
 
         Raises:
-            UsageError: DuckDB does not accept it.
+            UsageError: DuckDB does not accept it, or it is not one statement.
         """
+        cursor = self._connection.cursor()
         try:
-            return self._connection.sql(sql).to_arrow_table()
+            if len(cursor.extract_statements(sql)) != 1:
+                raise UsageError("one SQL statement is needed", remedy="Run them one by one")
+            cursor.execute("BEGIN TRANSACTION READ ONLY")
+            relation = cursor.sql(sql)
+            if relation is None:
+                raise UsageError("the statement has no rows to show", remedy="Give a SELECT")
+            return relation.to_arrow_table()
         except duckdb.Error as error:
             raise UsageError(
                 f"DuckDB: {error}", remedy="`stadimeter query --list` shows tables and views"
             ) from error
+        finally:
+            cursor.close()
+
+    def views(self) -> list[View]:
+        """Return tables, views and table macros, with comments and columns."""
+        return views(self._connection)
 
     def catalog(self) -> pa.Table:
-        """Return tables and views with the questions that they answer."""
-        return self._connection.sql(
-            """
-            WITH named AS (
-                SELECT schema_name, table_name AS name, comment FROM duckdb_tables()
-                WHERE NOT internal
-                UNION ALL
-                SELECT schema_name, view_name, comment FROM duckdb_views() WHERE NOT internal
-            )
-            SELECT if(schema_name = 'main', name, schema_name || '.' || name) AS name, comment
-            FROM named WHERE name <> 'schema_version'
-            ORDER BY schema_name <> 'main', schema_name, named.name
-            """
-        ).to_arrow_table()
+        """Return name and comment of tables, views and table macros."""
+        found = self.views()
+        return pa.table({"name": [v.name for v in found], "comment": [v.comment for v in found]})
+
+
+def _part(folder: Path, table: str) -> pyarrow.dataset.Dataset:
+    """Return what pass 1 wrote for a table: `<table>.parquet`, or `<table>-*.parquet` in order."""
+    files = [folder / f"{table}.parquet"]
+    if not files[0].exists():
+        files = sorted(folder.glob(f"{table}-*.parquet"))
+    if not files:
+        raise StoreError(f"pass 1 left no {table}", where=Where(folder))
+    return pyarrow.dataset.dataset(files, schema=PASS_ONE[table], format="parquet")
+
+
+def _known(table: str) -> str:
+    """Return the columns of a table that comes in, NaN made NULL."""
+    schema = (PASS_ONE | PASS_TWO)[table]
+    return ", ".join(
+        f"CASE WHEN NOT isnan({c.name}) THEN {c.name} END AS {c.name}"
+        if pa.types.is_floating(c.type)
+        else c.name
+        for c in schema
+    )

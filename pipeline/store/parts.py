@@ -52,7 +52,5 @@ class PartWriter:
 
 def as_table(columns: Mapping[str, Sequence[Any]], schema: pa.Schema) -> pa.Table:
     """Return columns as a table of this schema; a NaN is unknown, so it becomes null."""
-    arrays = [
-        pa.array(columns[field.name], type=field.type, from_pandas=True) for field in schema
-    ]
+    arrays = [pa.array(columns[field.name], type=field.type, from_pandas=True) for field in schema]
     return pa.Table.from_arrays(arrays, schema=schema)

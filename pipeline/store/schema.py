@@ -1,8 +1,10 @@
-"""Applying `schemas/sql`: tables once, macros and views at every opening for writing."""
+"""Applying `schemas/sql`: tables once; functions and views again when their text has changed."""
 
 from __future__ import annotations
 
-import csv
+import hashlib
+import re
+from graphlib import TopologicalSorter
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
@@ -11,51 +13,78 @@ import duckdb
 # Raised when tables change in a way that an older database cannot be read with.
 SCHEMA_VERSION = 1
 
+_VERSION_TABLE = """
+CREATE TABLE IF NOT EXISTS schema_version (version INTEGER NOT NULL, sql_sha256 VARCHAR NOT NULL);
+COMMENT ON TABLE schema_version IS 'One row: which tables and views this database has.';
+COMMENT ON COLUMN schema_version.version IS 'Rises when tables change.';
+COMMENT ON COLUMN schema_version.sql_sha256 IS 'Hash of the SQL that made the tables and views.';
+"""
+
 
 def apply_schema(connection: duckdb.DuckDBPyConnection) -> None:
-    """Create what is missing of the tables, and the macros and views anew."""
+    """Create what is missing of the tables, and functions and views anew if their text differs."""
     sql = files("schemas") / "sql"
-    connection.execute("CREATE TABLE IF NOT EXISTS schema_version (version INTEGER NOT NULL)")
-    connection.execute(
-        "COMMENT ON TABLE schema_version IS 'The version of these tables; one row.';"
-        "COMMENT ON COLUMN schema_version.version IS 'Rises when tables change.'"
-    )
-    connection.execute(
-        "INSERT INTO schema_version SELECT ? WHERE NOT EXISTS (FROM schema_version)",
-        [SCHEMA_VERSION],
-    )
-    connection.execute((sql / "tables.sql").read_text())
-    connection.execute("CREATE SCHEMA IF NOT EXISTS accuracy")
-    connection.execute("CREATE SCHEMA IF NOT EXISTS paper")
-    connection.execute((sql / "macros.sql").read_text())
-    for view in view_files():
-        connection.execute(view.read_text())
+    scripts = [(sql / "tables.sql").read_text(), (sql / "functions.sql").read_text()]
+    scripts += [script for _, script in view_scripts()]
+    digest = hashlib.sha256("\n".join([_VERSION_TABLE, *scripts]).encode()).hexdigest()
+    connection.execute(_VERSION_TABLE)
+    if connection.execute("SELECT sql_sha256 FROM schema_version").fetchone() == (digest,):
+        return
+    for script in scripts:
+        connection.execute(script)
     _comment_view_columns(connection)
+    connection.execute("DELETE FROM schema_version")
+    connection.execute("INSERT INTO schema_version VALUES (?, ?)", [SCHEMA_VERSION, digest])
 
 
-def view_files() -> list[Traversable]:
-    """Return the views' files in the order of `schemas/sql/views/ORDER`: what is used comes first."""
-    folder = files("schemas") / "sql" / "views"
-    order = (folder / "ORDER").read_text().split()
-    return [folder / f"{name}.sql" for name in order]
+def view_scripts() -> list[tuple[str, str]]:
+    """Return name and text of the views' files, each after those that it mentions."""
+    scripts = {path.name.removesuffix(".sql"): path.read_text() for path in _sql_files("views")}
+    graph = {
+        name: {other for other in _mentioned(script) if other in scripts and other != name}
+        for name, script in scripts.items()
+    }
+    return [(name, scripts[name]) for name in TopologicalSorter(graph).static_order()]
+
+
+def _sql_files(folder: str) -> list[Traversable]:
+    found = (files("schemas") / "sql" / folder).iterdir()
+    return sorted((p for p in found if p.name.endswith(".sql")), key=lambda p: p.name)
+
+
+def _mentioned(script: str) -> set[str]:
+    """Return the qualified names in a script, those in comments and texts left out."""
+    code = re.sub(r"'(?:[^']|'')*'|--[^\n]*", "", script)
+    return set(re.findall(r"\b(?:main|accuracy|paper)\.\w+", code))
 
 
 def _comment_view_columns(connection: duckdb.DuckDBPyConnection) -> None:
-    """Give the columns of views the comments of their names: the tables', or `columns.csv`'s.
+    """Give columns of views that have no comment the comment of their name.
 
-    One name is one thing everywhere, so its explanation is written once.
+    One name is one thing everywhere, so its explanation is written once: at a table's column, or in
+    the view main.glossary.
     """
-    with (files("schemas") / "sql" / "columns.csv").open(encoding="utf-8", newline="") as lines:
-        glossary = {row["name"]: row["comment"] for row in csv.DictReader(lines)}
-    columns = connection.execute(
-        "SELECT schema_name, table_name, column_name, comment FROM duckdb_columns() "
-        "WHERE NOT internal"
+    bare = connection.execute(
+        """
+        WITH columns AS (
+            SELECT schema_name, table_name, column_name, comment
+            FROM duckdb_columns()
+            WHERE NOT internal
+        ),
+        tables AS (SELECT schema_name, table_name FROM duckdb_tables()),
+        meanings AS (
+            SELECT column_name, meaning FROM main.glossary
+            UNION ALL
+            SELECT column_name, first(comment ORDER BY table_name)
+            FROM columns SEMI JOIN tables USING (schema_name, table_name)
+            WHERE column_name NOT IN (SELECT column_name FROM main.glossary)
+            GROUP BY column_name
+        )
+        SELECT schema_name, table_name, column_name, meaning
+        FROM columns JOIN meanings USING (column_name)
+        WHERE comment IS NULL
+        """
     ).fetchall()
-    glossary |= {name: comment for _, _, name, comment in columns if comment is not None}
-    views = connection.execute(
-        "SELECT schema_name, view_name FROM duckdb_views() WHERE NOT internal"
-    ).fetchall()
-    for schema, table, name, _ in columns:
-        if (schema, table) in set(views) and name in glossary:
-            comment = glossary[name].replace("'", "''")  # our own text: DDL takes no parameters
-            connection.execute(f"COMMENT ON COLUMN {schema}.{table}.{name} IS '{comment}'")
+    for schema, view, column, meaning in bare:
+        text = meaning.replace("'", "''")  # our own text: DDL takes no parameters
+        connection.execute(f"COMMENT ON COLUMN {schema}.{view}.{column} IS '{text}'")

@@ -5,6 +5,16 @@ CREATE SCHEMA IF NOT EXISTS stats;
 CREATE SCHEMA IF NOT EXISTS accuracy;
 CREATE SCHEMA IF NOT EXISTS paper;
 
+-- Half widths of the middle 50, 80 and 95 % of a normal distribution, in standard deviations.
+CREATE OR REPLACE MACRO stats.normal_50() AS 0.6744897501960817::DOUBLE;
+CREATE OR REPLACE MACRO stats.normal_80() AS 1.2815515655446004::DOUBLE;
+CREATE OR REPLACE MACRO stats.normal_95() AS 1.959963984540054::DOUBLE;
+
+-- erfc for x >= 2.5, without the cancellation of 1 - erf(x).
+CREATE OR REPLACE MACRO stats.erfc_tail(x) AS
+    exp(-x * x) / sqrt(pi())
+    / list_reduce(range(80, 0, -1), lambda tail, n: x + n / 2 / tail, x::DOUBLE);
+
 -- 2/sqrt(pi) x exp(-x^2) sum 2^n x^2n / (2n+1)!! below 2.5; 1 - the continued fraction above.
 CREATE OR REPLACE MACRO stats.erf(x) AS
     CASE
@@ -14,11 +24,6 @@ CREATE OR REPLACE MACRO stats.erf(x) AS
             )
         ELSE sign(x) * (1 - stats.erfc_tail(abs(x)))
     END;
-
--- erfc for x >= 2.5, without the cancellation of 1 - erf(x).
-CREATE OR REPLACE MACRO stats.erfc_tail(x) AS
-    exp(-x * x) / sqrt(pi())
-    / list_reduce(range(80, 0, -1), lambda tail, n: x + n / 2 / tail, x::DOUBLE);
 
 -- Cumulative normal distribution.
 CREATE OR REPLACE MACRO stats.normal_cdf(z) AS (1 + stats.erf(z / sqrt(2::DOUBLE))) / 2;
@@ -88,8 +93,3 @@ CREATE OR REPLACE MACRO stats.student_95(df) AS
             stats.student_95_expansion(stats.normal_95(), df::DOUBLE)
         )
     END;
-
--- Half widths of the middle 50, 80 and 95 % of a normal distribution, in standard deviations.
-CREATE OR REPLACE MACRO stats.normal_50() AS 0.6744897501960817::DOUBLE;
-CREATE OR REPLACE MACRO stats.normal_80() AS 1.2815515655446004::DOUBLE;
-CREATE OR REPLACE MACRO stats.normal_95() AS 1.959963984540054::DOUBLE;

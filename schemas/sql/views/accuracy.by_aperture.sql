@@ -1,17 +1,12 @@
--- Does the error depend on the f-number?
+-- Does accuracy depend on the aperture?
 CREATE OR REPLACE VIEW accuracy.by_aperture AS
-WITH grouped AS (
-    SELECT
-        method, f_number,
-        accuracy.depth_metrics(depth_m, true_depth_m) AS depth,
-        accuracy.height_metrics(
-            if(height_assumed, NULL, height_m), if(height_assumed, NULL, true_height_m)
-        ) AS height
-    FROM accuracy.errors
-    GROUP BY ALL
-)
-SELECT * EXCLUDE (depth, height), unnest(depth), unnest(height)
-FROM grouped
-WHERE depth.n > 0 OR height.height_n > 0
-ORDER BY ALL;
-COMMENT ON VIEW accuracy.by_aperture IS 'Does the error depend on the f-number? Assumed heights do not count.';
+SELECT
+    method, f_number,
+    * EXCLUDE (
+        method, run_id, run_label, recording_id, file_name, camera, class_name,
+        track_id, f_number, true_depth_from_m, true_depth_to_m
+    )
+FROM accuracy.metrics(['aperture'])
+ORDER BY f_number, method;
+
+COMMENT ON VIEW accuracy.by_aperture IS 'Does accuracy depend on the aperture? NULL: the f-number is not known.';

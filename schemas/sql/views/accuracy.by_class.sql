@@ -1,17 +1,12 @@
--- How good is each method on each class of objects?
+-- Which kinds of objects are estimated well?
 CREATE OR REPLACE VIEW accuracy.by_class AS
-WITH grouped AS (
-    SELECT
-        method, class_name,
-        accuracy.depth_metrics(depth_m, true_depth_m) AS depth,
-        accuracy.height_metrics(
-            if(height_assumed, NULL, height_m), if(height_assumed, NULL, true_height_m)
-        ) AS height
-    FROM accuracy.errors
-    GROUP BY ALL
-)
-SELECT * EXCLUDE (depth, height), unnest(depth), unnest(height)
-FROM grouped
-WHERE depth.n > 0 OR height.height_n > 0
-ORDER BY ALL;
-COMMENT ON VIEW accuracy.by_class IS 'How good is each method on each class of objects? Assumed heights do not count.';
+SELECT
+    method, class_name,
+    * EXCLUDE (
+        method, run_id, run_label, recording_id, file_name, camera, class_name,
+        track_id, f_number, true_depth_from_m, true_depth_to_m
+    )
+FROM accuracy.metrics(['class'])
+ORDER BY class_name, method;
+
+COMMENT ON VIEW accuracy.by_class IS 'Which kinds of objects are estimated well?';

@@ -1,17 +1,12 @@
--- How good is each method?
+-- How good is each method over all matched estimates?
 CREATE OR REPLACE VIEW accuracy.by_method AS
-WITH grouped AS (
-    SELECT
-        method,
-        accuracy.depth_metrics(depth_m, true_depth_m) AS depth,
-        accuracy.height_metrics(
-            if(height_assumed, NULL, height_m), if(height_assumed, NULL, true_height_m)
-        ) AS height
-    FROM accuracy.errors
-    GROUP BY ALL
-)
-SELECT * EXCLUDE (depth, height), unnest(depth), unnest(height)
-FROM grouped
-WHERE depth.n > 0 OR height.height_n > 0
-ORDER BY ALL;
-COMMENT ON VIEW accuracy.by_method IS 'How good is each method? Assumed heights do not count.';
+SELECT
+    method,
+    * EXCLUDE (
+        method, run_id, run_label, recording_id, file_name, camera, class_name,
+        track_id, f_number, true_depth_from_m, true_depth_to_m
+    )
+FROM accuracy.metrics([])
+ORDER BY depth_rmse_m;
+
+COMMENT ON VIEW accuracy.by_method IS 'How good is each method over all matched estimates?';

@@ -1,17 +1,12 @@
--- How good is each method along each track?
+-- Which single objects are estimated badly?
 CREATE OR REPLACE VIEW accuracy.by_track AS
-WITH grouped AS (
-    SELECT
-        method, file_name, camera, track_id, object_id,
-        accuracy.depth_metrics(depth_m, true_depth_m) AS depth,
-        accuracy.height_metrics(
-            if(height_assumed, NULL, height_m), if(height_assumed, NULL, true_height_m)
-        ) AS height
-    FROM accuracy.errors
-    GROUP BY ALL
-)
-SELECT * EXCLUDE (depth, height), unnest(depth), unnest(height)
-FROM grouped
-WHERE depth.n > 0 OR height.height_n > 0
-ORDER BY ALL;
-COMMENT ON VIEW accuracy.by_track IS 'How good is each method along each track? Assumed heights do not count.';
+SELECT
+    method, recording_id, file_name, camera, track_id,
+    * EXCLUDE (
+        method, run_id, run_label, recording_id, file_name, camera, class_name,
+        track_id, f_number, true_depth_from_m, true_depth_to_m
+    )
+FROM accuracy.metrics(['track'])
+ORDER BY recording_id, camera, track_id, method;
+
+COMMENT ON VIEW accuracy.by_track IS 'Which single objects are estimated badly? With one track in a row there are no intervals.';

@@ -1,38 +1,71 @@
--- Which observation is which true object?
--- By object_id where both have it; else by overlap: intersection over union at least 0.5, each being
--- the other's best. What is matched by its id takes no part in matching by overlap.
-CREATE OR REPLACE VIEW accuracy.match_candidates AS
-WITH paired AS (
+-- Which observation of a recording is which true object?
+-- The store fills the table `matches` from this when it takes a recording in.
+--
+-- 1. By object_id, where the recording's truth for that camera knows the observation's object_id.
+-- 2. Else by overlap: intersection over union of the boxes at least 0.5, and each the other's best.
+--    An observation whose object_id means nothing to the truth (another numbering) comes here too.
+-- An observation has one true object at most, a true object one observation at most a frame.
+CREATE OR REPLACE MACRO accuracy.match_candidates(recording) AS TABLE
+WITH truth AS (
+    SELECT * FROM main.ground_truth WHERE recording_id = recording
+),
+observed AS (
     SELECT
-        recording_id, camera, frame_index, o.observation_index, t.object_id,
-        o.object_id = t.object_id AS same_id,
-        greatest(0, least(o.x_max_px, t.x_max_px) - greatest(o.x_min_px, t.x_min_px))
-            * greatest(0, least(o.y_max_px, t.y_max_px) - greatest(o.y_min_px, t.y_min_px))
-            AS shared_px2,
-        (o.x_max_px - o.x_min_px) * (o.y_max_px - o.y_min_px) AS observed_px2,
-        (t.x_max_px - t.x_min_px) * (t.y_max_px - t.y_min_px) AS true_px2
-    FROM observations o
-    JOIN ground_truth t USING (recording_id, camera, frame_index)
+        observations.*,
+        EXISTS (
+            FROM truth
+            WHERE truth.camera = observations.camera AND truth.object_id = observations.object_id
+        ) AS is_known
+    FROM main.observations
+    WHERE recording_id = recording
+),
+pairs AS (
+    SELECT
+        truth.camera, truth.frame_index, observed.observation_index, truth.object_id,
+        observed.is_known, observed.object_id AS observed_object_id, observed.score,
+        greatest(
+            least(truth.x_max_px, observed.x_max_px) - greatest(truth.x_min_px, observed.x_min_px), 0
+        ) * greatest(
+            least(truth.y_max_px, observed.y_max_px) - greatest(truth.y_min_px, observed.y_min_px), 0
+        ) AS common_px2,
+        (truth.x_max_px - truth.x_min_px) * (truth.y_max_px - truth.y_min_px) AS true_px2,
+        (observed.x_max_px - observed.x_min_px) * (observed.y_max_px - observed.y_min_px)
+            AS observed_px2
+    FROM truth JOIN observed USING (camera, frame_index)
+    WHERE NOT observed.is_known OR observed.object_id = truth.object_id
 ),
 measured AS (
-    SELECT *, shared_px2 / (observed_px2 + true_px2 - shared_px2) AS overlap FROM paired
+    SELECT
+        * EXCLUDE (common_px2, true_px2, observed_px2),
+        -- greatest() and least() pass over NULL: a box is unknown where its area is.
+        CASE
+            WHEN true_px2 > 0 AND observed_px2 > 0
+            THEN common_px2 / (true_px2 + observed_px2 - common_px2)
+        END AS overlap
+    FROM pairs
 ),
-by_id AS (
-    SELECT * FROM measured WHERE same_id
+by_object_id AS (
+    SELECT camera, frame_index, observation_index, object_id, 'object_id' AS rule, overlap
+    FROM measured
+    WHERE is_known
+    QUALIFY row_number() OVER (
+        PARTITION BY camera, frame_index, object_id
+        ORDER BY overlap DESC NULLS LAST, score DESC NULLS LAST, observation_index
+    ) = 1
 ),
 by_overlap AS (
-    SELECT * FROM measured
-    ANTI JOIN by_id USING (recording_id, observation_index)
-    WHERE overlap >= 0.5
-        AND (recording_id, camera, frame_index, object_id) NOT IN (
-            SELECT (recording_id, camera, frame_index, object_id) FROM by_id
-        )
-    QUALIFY overlap = max(overlap) OVER (PARTITION BY recording_id, observation_index)
-        AND overlap = max(overlap) OVER (PARTITION BY recording_id, camera, frame_index, object_id)
+    SELECT camera, frame_index, observation_index, object_id, 'overlap' AS rule, overlap
+    FROM measured ANTI JOIN by_object_id USING (camera, frame_index, object_id)
+    WHERE NOT is_known AND overlap >= 0.5
+    QUALIFY
+        row_number() OVER (
+            PARTITION BY observation_index ORDER BY overlap DESC, object_id
+        ) = 1
+        AND row_number() OVER (
+            PARTITION BY camera, frame_index, object_id ORDER BY overlap DESC, observation_index
+        ) = 1
 )
-SELECT recording_id, camera, frame_index, observation_index, object_id, 'object_id' AS rule, overlap
-FROM by_id
-UNION ALL
-SELECT recording_id, camera, frame_index, observation_index, object_id, 'overlap', overlap
-FROM by_overlap;
-COMMENT ON VIEW accuracy.match_candidates IS 'Which observation is which true object? By object_id where both have it, else by overlap (intersection over union at least 0.5, each the other''s best). Stored in the table matches when a recording is read.';
+SELECT recording AS recording_id, * FROM (FROM by_object_id UNION ALL FROM by_overlap)
+ORDER BY camera, frame_index, observation_index;
+
+COMMENT ON MACRO TABLE accuracy.match_candidates IS 'Which observation of a recording is which true object? recording: a recording_id. By object_id where the truth of that camera knows the observation''s; else by overlap: intersection over union at least 0.5, each the other''s best.';

@@ -1,12 +1,22 @@
 -- Which estimates are the most wrong, and where is that to be seen?
 CREATE OR REPLACE VIEW accuracy.worst AS
+WITH errors AS (
+    SELECT *, abs(depth_error_m) / true_depth_m AS depth_relative_error FROM accuracy.errors
+),
+-- The twentieth largest error of each method: cheaper than ranking every estimate.
+thresholds AS (
+    SELECT method, list_min(max(depth_relative_error, 20)) AS threshold FROM errors GROUP BY method
+)
 SELECT
-    method, file_name, camera, frame_index, make_timestamp_ns(capture_time_ns) AS capture_time,
-    track_id, object_id, depth_m, true_depth_m, depth_error_m,
-    abs(depth_error_m) / true_depth_m AS relative_error,
-    depth_error_m / depth_std_m AS error_in_std
-FROM accuracy.errors
-WHERE depth_error_m IS NOT NULL
-QUALIFY row_number() OVER (PARTITION BY method ORDER BY abs(depth_error_m) / true_depth_m DESC) <= 20
-ORDER BY relative_error DESC;
-COMMENT ON VIEW accuracy.worst IS 'Which estimates are the most wrong, and where is that to be seen? The 20 with the largest relative depth error of each method.';
+    method, file_name, recording_id, camera, frame_index, capture_time_ns,
+    make_timestamp_ns(capture_time_ns) AS capture_time,
+    track_id, object_id, class_name, f_number,
+    depth_relative_error, depth_error_m, depth_z, depth_m, depth_std_m, true_depth_m,
+    height_error_m, height_m, true_height_m, in_calibrated_range, observation_index, run_id
+FROM errors JOIN thresholds USING (method)
+WHERE depth_relative_error >= threshold
+ORDER BY depth_relative_error DESC, recording_id, observation_index, method;
+
+COMMENT ON VIEW accuracy.worst IS 'Which estimates are the most wrong, and where is that to be seen? The twenty (more where they are equal) with the largest depth error relative to the truth of each method, with recording, frame and time.';
+COMMENT ON COLUMN accuracy.worst.capture_time IS 'Capture time, UTC.';
+COMMENT ON COLUMN accuracy.worst.depth_relative_error IS 'Absolute depth error over the true depth.';

@@ -1,0 +1,106 @@
+"""Opening a database file, and saying plainly why it cannot be opened.
+
+No connection reaches any other file or the network: what comes in comes as Arrow. So nothing that a
+user puts into `stadimeter query` can read or write beside the database.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import duckdb
+
+from pipeline.errors import StoreError, Where
+from pipeline.store.schema import SCHEMA_VERSION
+
+_CONFIG = {
+    "autoinstall_known_extensions": "false",
+    "autoload_known_extensions": "false",
+    "enable_external_access": "false",
+    "python_enable_replacements": "false",
+}
+
+
+def connect(path: Path, *, read_only: bool) -> duckdb.DuckDBPyConnection:
+    """Open a stadimeter database; a missing one is created, empty, if it is to be written.
+
+    Raises:
+        StoreError: there is none, it is something else or of another version, or it is held.
+    """
+    where = Where(path)
+    if read_only and not path.is_file():
+        raise StoreError("there is no such database", where=where, remedy=_MAKE_ONE)
+    try:
+        if not read_only:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        connection = duckdb.connect(str(path), read_only=read_only, config=_CONFIG)
+    except (duckdb.Error, OSError) as error:
+        raise _explained(str(error), where) from error
+    try:
+        _refuse_foreign(connection, where, read_only=read_only)
+        connection.execute("SET lock_configuration = true")
+    except duckdb.Error as error:
+        connection.close()
+        raise _explained(str(error), where) from error
+    except StoreError:
+        connection.close()
+        raise
+    return connection
+
+
+_MAKE_ONE = "`stadimeter run` makes one"
+_ANOTHER = "Give another --db"
+
+
+def _explained(text: str, where: Where) -> StoreError:
+    if "Conflicting lock" in text or "Could not set lock" in text:
+        holder = re.search(r"held in (.+?) \(PID (\d+)\)", text)
+        who = f"process {holder[2]} ({holder[1]})" if holder else "another process"
+        return StoreError(
+            f"{who} has the database open",
+            where=where,
+            remedy="Wait until it ends, or end it; many may read, but who writes must be alone",
+        )
+    if "not a valid DuckDB database" in text:
+        return StoreError("is not a DuckDB database", where=where, remedy=_ANOTHER)
+    if "version number" in text:
+        return StoreError(
+            f"was written by another version of DuckDB: {_first_line(text)}",
+            where=where,
+            remedy=f"{_ANOTHER}, or read it with the version that wrote it",
+        )
+    if "Corrupt" in text or "checksum" in text:
+        return StoreError(
+            f"is damaged: {_first_line(text)}",
+            where=where,
+            remedy="Run the recordings again into a new database",
+        )
+    return StoreError(f"cannot be opened: {_first_line(text)}", where=where, remedy=_ANOTHER)
+
+
+def _first_line(text: str) -> str:
+    return text.strip().splitlines()[0].rstrip(".!")
+
+
+def _refuse_foreign(
+    connection: duckdb.DuckDBPyConnection, where: Where, *, read_only: bool
+) -> None:
+    tables = {
+        name
+        for (name,) in connection.execute(
+            "SELECT table_name FROM duckdb_tables() WHERE NOT internal"
+        ).fetchall()
+    }
+    if not tables and not read_only:
+        return
+    if "schema_version" not in tables:
+        raise StoreError("is no stadimeter database", where=where, remedy=_ANOTHER)
+    found = connection.execute("SELECT version FROM schema_version").fetchone()
+    if found != (SCHEMA_VERSION,):
+        version = "unknown" if found is None else found[0]
+        raise StoreError(
+            f"has tables of version {version}; this stadimeter has version {SCHEMA_VERSION}",
+            where=where,
+            remedy=f"{_ANOTHER}; the recordings can be run again into a new one",
+        )
