@@ -322,9 +322,16 @@ CREATE TABLE IF NOT EXISTS matches (
     observation_index INTEGER NOT NULL,
     object_id         VARCHAR NOT NULL,
     rule              VARCHAR NOT NULL,
-    overlap           DOUBLE
+    overlap           DOUBLE,
+    track_id          INTEGER NOT NULL,
+    class_name        VARCHAR,
+    capture_time_ns   BIGINT,
+    f_number          DOUBLE,
+    true_depth_m      DOUBLE,
+    true_range_m      DOUBLE,
+    true_height_m     DOUBLE
 );
-COMMENT ON TABLE matches IS 'Which observation is which true object: by object_id where both have it, else by overlap (intersection over union at least 0.5, each the other''s best).';
+COMMENT ON TABLE matches IS 'Which observation is which true object, and what is true of it. By object_id, where the recording''s truth for that camera knows the observation''s object_id; else by overlap: intersection over union of the boxes at least 0.5, each being the other''s best. Joined once, when the recording is read, so that accuracy views join nothing but this with the estimates.';
 COMMENT ON COLUMN matches.recording_id IS 'The recording.';
 COMMENT ON COLUMN matches.camera IS 'The camera.';
 COMMENT ON COLUMN matches.frame_index IS 'The frame.';
@@ -332,6 +339,13 @@ COMMENT ON COLUMN matches.observation_index IS 'The observation.';
 COMMENT ON COLUMN matches.object_id IS 'The true object.';
 COMMENT ON COLUMN matches.rule IS 'object_id or overlap.';
 COMMENT ON COLUMN matches.overlap IS 'Intersection over union of the two boxes, where both are known.';
+COMMENT ON COLUMN matches.track_id IS 'The observation''s track.';
+COMMENT ON COLUMN matches.class_name IS 'Class of the true object; that of the observation where the truth has none.';
+COMMENT ON COLUMN matches.capture_time_ns IS 'When the frame was taken.';
+COMMENT ON COLUMN matches.f_number IS 'The frame''s f-number.';
+COMMENT ON COLUMN matches.true_depth_m IS 'True distance along the optical axis.';
+COMMENT ON COLUMN matches.true_range_m IS 'True Euclidean distance.';
+COMMENT ON COLUMN matches.true_height_m IS 'True height.';
 
 CREATE TABLE IF NOT EXISTS calibrations (
     calibration_id    VARCHAR NOT NULL,

@@ -64,8 +64,21 @@ by_overlap AS (
         AND row_number() OVER (
             PARTITION BY camera, frame_index, object_id ORDER BY overlap DESC, observation_index
         ) = 1
+),
+matched AS (
+    FROM by_object_id UNION ALL FROM by_overlap
 )
-SELECT recording AS recording_id, * FROM (FROM by_object_id UNION ALL FROM by_overlap)
-ORDER BY camera, frame_index, observation_index;
+SELECT
+    truth.recording_id, truth.camera, truth.frame_index, matched.observation_index,
+    truth.object_id, matched.rule, matched.overlap, observed.track_id,
+    coalesce(truth.class_name, observed.class_name) AS class_name,
+    frames.capture_time_ns, frames.f_number,
+    truth.depth_m AS true_depth_m, truth.range_m AS true_range_m, truth.height_m AS true_height_m
+FROM matched
+JOIN truth USING (camera, frame_index, object_id)
+JOIN observed USING (observation_index)
+LEFT JOIN (FROM main.frames WHERE recording_id = recording) AS frames
+    ON frames.camera = truth.camera AND frames.frame_index = truth.frame_index
+ORDER BY truth.camera, truth.frame_index, matched.observation_index;
 
 COMMENT ON MACRO TABLE accuracy.match_candidates IS 'Which observation of a recording is which true object? recording: a recording_id. By object_id where the truth of that camera knows the observation''s; else by overlap: intersection over union at least 0.5, each the other''s best.';

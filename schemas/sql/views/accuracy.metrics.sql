@@ -12,7 +12,13 @@ CREATE OR REPLACE MACRO accuracy.metrics(
     edges := [0, 0.25, 0.5, 0.75, 1, 1.5, 2, 3, 5, 7.5, 10, 15, 20, 30, 40, 60, 100],
     every_run := FALSE
 ) AS TABLE
-WITH errors AS (
+WITH depth_bins AS (
+    SELECT
+        from_m,
+        lead(from_m, 1, 'infinity'::DOUBLE) OVER (ORDER BY from_m) AS to_m
+    FROM (SELECT unnest(edges::DOUBLE[]) AS from_m)
+),
+errors AS (
     SELECT
         -- A dimension that is not asked for is NULL in every row, so that all rows fall together.
         {
@@ -31,14 +37,8 @@ WITH errors AS (
             'class_name': CASE WHEN list_contains(dimensions, 'class') THEN class_name END,
             'track_id': CASE WHEN list_contains(dimensions, 'track') THEN track_id END,
             'f_number': CASE WHEN list_contains(dimensions, 'aperture') THEN f_number END,
-            'true_depth_from_m': CASE
-                WHEN list_contains(dimensions, 'depth')
-                THEN list_max(list_filter(edges, lambda edge: edge <= true_depth_m))::DOUBLE
-            END,
-            'true_depth_to_m': CASE
-                WHEN list_contains(dimensions, 'depth')
-                THEN list_min(list_filter(edges, lambda edge: edge > true_depth_m))::DOUBLE
-            END
+            'true_depth_from_m': depth_bins.from_m,
+            'true_depth_to_m': nullif(depth_bins.to_m, 'infinity'::DOUBLE)
         } AS key,
         -- One object followed over time: its frames share their errors, so they are one cluster.
         hash(recording_id, camera, track_id) AS cluster,
@@ -49,6 +49,9 @@ WITH errors AS (
         true_height_m, height_error_m, height_z,
         in_calibrated_range
     FROM accuracy.all_errors
+    LEFT JOIN depth_bins
+        ON list_contains(dimensions, 'depth')
+        AND true_depth_m >= depth_bins.from_m AND true_depth_m < depth_bins.to_m
     WHERE (every_run OR is_current) AND (depth_error_m IS NOT NULL OR height_error_m IS NOT NULL)
 ),
 measured AS (
