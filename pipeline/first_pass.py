@@ -44,7 +44,7 @@ from pipeline.track import Tracker
 BATCH_FRAMES = 256
 # The detector learns from this many pictures, spread over its learning time, during which frames
 # wait, still encoded, in at most this much memory.
-LEARNING_PICTURES = 40
+LEARNING_PICTURES = 25
 LEARNING_BYTES = 64 * 1024**2
 # Where neither the recording's nor the picture's size is known (nothing could be decoded).
 NO_SIZE = (0, 0)

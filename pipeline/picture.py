@@ -137,5 +137,7 @@ def relative_luminance_of(bgr: Image) -> npt.NDArray[np.float64]:
 def _brightness(bgr: npt.NDArray[np.uint8] | cv2.typing.MatLike) -> tuple[float, float]:
     step = max(1, max(bgr.shape[:2]) // _SAMPLES_ACROSS)
     sample = np.asarray(bgr[step // 2 :: step, step // 2 :: step], dtype=np.uint8)
-    dark, bright = sample.max(axis=2) <= _BLACK, sample.min(axis=2) >= _WHITE
+    blue, green, red = sample[..., 0], sample[..., 1], sample[..., 2]
+    dark = (blue <= _BLACK) & (green <= _BLACK) & (red <= _BLACK)
+    bright = (blue >= _WHITE) & (green >= _WHITE) & (red >= _WHITE)
     return float(relative_luminance_of(sample).mean()), float((dark | bright).mean())

@@ -93,7 +93,8 @@ def calibrate_from_walkers(
             f"{MIN_PEOPLE} are needed",
             remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
         )
-    fits = [_fit(sample, prior, tilt) for tilt in TILTS_RAD]
+    starts = sorted(TILTS_RAD, key=lambda tilt: _start_cost(sample, prior, tilt))
+    fits = [_fit(sample, prior, tilt) for tilt in starts[:2]]
     best = min(fits, key=lambda fit: float(fit.cost))
     covariance = _covariance(best, sample, prior)
     std = np.sqrt(np.diag(covariance))
@@ -163,10 +164,21 @@ def _residuals(x: FloatArray, sample: _Sample, prior: SizePrior) -> FloatArray:
     return np.concatenate([error, people, [x[2] / ROLL_STD_RAD]])
 
 
+def _start(sample: _Sample, prior: SizePrior, tilt: float) -> FloatArray:
+    """Return unknowns to start from at a tilt: everybody has the mean stature."""
+    height_m = _height_for(sample, prior, tilt)
+    return np.concatenate([[np.log(height_m), tilt, 0.0], np.full(sample.people, prior.mean_m)])
+
+
+def _start_cost(sample: _Sample, prior: SizePrior, tilt: float) -> float:
+    """Return how badly a start fits, each residual counting no more than a bad one."""
+    residuals = _residuals(_start(sample, prior, tilt), sample, prior)
+    return float(np.minimum(np.abs(residuals), 5.0).sum())
+
+
 def _fit(sample: _Sample, prior: SizePrior, tilt: float) -> OptimizeResult:
     people = sample.people
-    height_m = _height_for(sample, prior, tilt)
-    start = np.concatenate([[np.log(height_m), tilt, 0.0], np.full(people, prior.mean_m)])
+    start = _start(sample, prior, tilt)
     pattern = lil_matrix((len(sample.track) + people + 1, 3 + people), dtype=int)
     pattern[:, :3] = 1
     pattern[np.arange(len(sample.track)), 3 + sample.track] = 1
