@@ -22,7 +22,7 @@ pairs AS (
                 AND (candidate IN (b.run_id, b.run_label) OR candidate IS NULL)
         END
 ),
-errors AS (
+errors AS NOT MATERIALIZED (
     SELECT
         recording_id, run_id, observation_index, method, camera, track_id,
         abs(depth_error_m) AS depth_m, abs(height_error_m) AS height_m

@@ -18,7 +18,7 @@ WITH depth_bins AS (
         lead(from_m, 1, 'infinity'::DOUBLE) OVER (ORDER BY from_m) AS to_m
     FROM (SELECT unnest(edges::DOUBLE[]) AS from_m)
 ),
-errors AS (
+errors AS NOT MATERIALIZED (
     SELECT
         -- A dimension that is not asked for is NULL in every row, so that all rows fall together.
         {
@@ -54,7 +54,7 @@ errors AS (
         AND true_depth_m >= depth_bins.from_m AND true_depth_m < depth_bins.to_m
     WHERE (every_run OR is_current) AND (depth_error_m IS NOT NULL OR height_error_m IS NOT NULL)
 ),
-measured AS (
+measured AS MATERIALIZED (
     SELECT
         key,
         count(depth_error_m) AS depth_count,
