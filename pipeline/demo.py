@@ -68,7 +68,11 @@ def _print_pose(store: Store, recording_id: str) -> None:
 def _print_accuracy(store: Store, source: Path) -> None:
     """Print depth error by aperture and method beside what the paper prints for the same rows."""
     found = store.query("FROM accuracy.by_aperture").to_pylist()
-    ours = {(r["f_number"], r["method"]): r["rmse_m"] for r in found if r["rmse_m"] is not None}
+    ours = {
+        (r["f_number"], r["method"]): r["depth_rmse_m"]
+        for r in found
+        if r["depth_rmse_m"] is not None
+    }
     methods = sorted({method for _, method in ours})
     paper = printed_rmse_cm(source / "paper" / "depth_tables_3_to_7.csv")
     rows = [
