@@ -45,8 +45,8 @@ class Estimated:
 
     `depth_m` is along the optical axis, `range_m` Euclidean; `x_m`, `y_m` are the position on the
     ground (right, ahead) where the pose is known, and across and along the axis where it is not.
-    `height_common_std_m` is the part of `height_std_m` that all frames of a track share (a
-    calibration's error), so that it does not average out.
+    `depth_common_std_m` and `height_common_std_m` are the parts of `depth_std_m` and `height_std_m`
+    that all frames of a track share (a calibration's error), so that they do not average out.
     `height_assumed` is True where the height was put in rather than measured.
     `in_calibrated_range` is 1, 0, or NaN where the calibration states no range.
     """
@@ -54,6 +54,7 @@ class Estimated:
     count: int
     depth_m: FloatArray = field(init=False)
     depth_std_m: FloatArray = field(init=False)
+    depth_common_std_m: FloatArray = field(init=False)
     height_m: FloatArray = field(init=False)
     height_std_m: FloatArray = field(init=False)
     height_common_std_m: FloatArray = field(init=False)
@@ -67,7 +68,8 @@ class Estimated:
     def __post_init__(self) -> None:
         for name in ("depth_m", "depth_std_m", "height_m", "height_std_m"):
             setattr(self, name, np.full(self.count, NAN))
-        self.height_common_std_m = np.zeros(self.count)
+        for name in ("depth_common_std_m", "height_common_std_m"):
+            setattr(self, name, np.zeros(self.count))
         for name in ("range_m", "x_m", "y_m", "in_calibrated_range"):
             setattr(self, name, np.full(self.count, NAN))
         self.height_assumed = np.zeros(self.count, dtype=np.bool_)

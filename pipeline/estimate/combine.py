@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -13,6 +14,7 @@ from pipeline.config import Config
 from pipeline.estimate import aperture, ground, inverse, size
 from pipeline.estimate.columns import Estimated, Measured
 from pipeline.estimate.geometry import Geometry
+from pipeline.estimate.notes import not_applicable, outside_calibration
 from pipeline.estimate.tracks import track_heights
 from pipeline.records import (
     CALIBRATIONS,
@@ -24,7 +26,6 @@ from pipeline.records import (
     GroundPlane,
     Intrinsics,
     Method,
-    Severity,
 )
 
 METHODS: Mapping[Method, Callable[[Geometry, Config], Estimated]] = {
@@ -55,7 +56,9 @@ def estimate(
     """Run every method that applies on every camera of a recording.
 
     Args:
-        observations, frames, cameras: a recording's rows of these tables.
+        observations: a recording's rows of this table.
+        frames: its rows of this one.
+        cameras: and of this.
         poses: the ground plane of each camera whose pose is known.
         config: calibrations and priors.
     """
@@ -71,7 +74,8 @@ def estimate(
             heights.append(track_heights(measured, estimated, method))
             ids = set(estimated.calibration_id) - {None}
             used |= {c.calibration_id: c for c in config.calibration if c.calibration_id in ids}
-        notes += _notes(measured, rows, config)
+            notes += outside_calibration(measured, estimated, method)
+        notes += not_applicable(measured, config)
     return Estimates(
         pa.concat_tables(rows) if rows else ESTIMATES.empty_table(),
         pa.concat_tables(heights) if heights else TRACK_HEIGHTS.empty_table(),
@@ -114,7 +118,7 @@ def _measured(
     table: pa.Table, camera: str, intrinsics: Intrinsics | None, plane: GroundPlane | None
 ) -> Measured:
     def number(name: str) -> FloatArray:
-        return table[name].to_numpy().astype(np.float64)
+        return np.asarray(table[name].to_numpy(), dtype=np.float64)
 
     sides = ("x_min", "y_min", "x_max", "y_max")
     cuts = ("left", "top", "right", "bottom")
@@ -141,14 +145,14 @@ def _measured(
     )
 
 
-def _intrinsics(camera: Mapping[str, object]) -> Intrinsics | None:
+def _intrinsics(camera: Mapping[str, Any]) -> Intrinsics | None:
     if camera["fx_px"] is None:
         return None
     numbers = {k: camera[k] for k in ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")}
     return Intrinsics(
-        **numbers,  # type: ignore[arg-type]
+        **numbers,
         distortion_model=str(camera["distortion_model"] or ""),
-        distortion=tuple(camera["distortion"] or ()),  # type: ignore[call-overload]
+        distortion=tuple(camera["distortion"] or ()),
     )
 
 
@@ -163,25 +167,9 @@ def _long(measured: Measured, estimated: Estimated, method: Method) -> pa.Table:
     }
     columns["observation_index"] = measured.observation_index[known]
     columns["method"] = [str(method)] * int(known.sum())
-    columns["in_calibrated_range"] = [None if np.isnan(v) else v > 0 for v in in_range[known]]
+    columns["in_calibrated_range"] = pa.array(in_range[known] > 0, mask=np.isnan(in_range[known]))
     arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in ESTIMATES]
     return pa.Table.from_arrays(arrays, schema=ESTIMATES)
-
-
-def _notes(measured: Measured, rows: list[pa.Table], config: Config) -> list[Diagnostic]:
-    """Say why methods of the paper do not apply, once a camera."""
-    notes = []
-    if not np.isfinite(measured.f_number).any():
-        notes.append("the f-number is not known: `aperture` does not apply")
-    classes = sorted(set(measured.class_name))
-    covered = {c.object_class for c in config.calibration if c.camera in ("", measured.camera)}
-    covered |= {p.object_class for p in config.size_prior}
-    if missing := [c for c in classes if c not in covered]:
-        notes.append(f"no size is known for the classes {', '.join(map(repr, missing))}")
-    return [
-        Diagnostic(Severity.INFO, "method_not_applicable", text, camera=measured.camera)
-        for text in notes
-    ]
 
 
 def calibrations_table(calibrations: list[Calibration]) -> pa.Table:

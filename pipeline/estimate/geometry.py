@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.estimate.columns import Measured
+from pipeline.estimate.columns import BoolArray, Measured
 from pipeline.optics.ground_plane import remove_roll
 from pipeline.optics.pinhole import DISTORTION_MODELS, PinholeCamera
 from pipeline.optics.thin_lens import image_distance_mm
@@ -41,24 +41,62 @@ class Geometry:
 
     @cached_property
     def image_distance_mm(self) -> FloatArray:
-        """v of every frame: the focal length where the focus is infinite or unknown."""
+        """Image distance of every frame: f where the focus is infinite or unknown."""
         m = self.measured
         return image_distance_mm(m.focus_distance_m, m.focal_length_mm)
 
     @cached_property
     def width_on_sensor_mm(self) -> FloatArray:
-        """Width of the box on the sensor; NaN where a side is cut off or the pitch is unknown."""
+        """Width of the box on the sensor, the lens's distortion removed.
+
+        NaN where a side is cut off or the pitch is unknown.
+        """
         m = self.measured
         width_px = m.bbox_xyxy_px[:, 2] - m.bbox_xyxy_px[:, 0]
-        cut = m.truncated[:, 0] | m.truncated[:, 2]
-        return np.where(cut, np.nan, width_px * m.pixel_pitch_x_um * 1e-3)
+        if m.intrinsics is not None and m.intrinsics.distortion_model:
+            width_px = self._sides * m.intrinsics.fx_px
+        return np.where(self.width_cut, np.nan, width_px * m.pixel_pitch_x_um * 1e-3)
 
     @cached_property
     def height_on_sensor_mm(self) -> FloatArray:
-        """Height of the box on the sensor; NaN where an end is cut off or the pitch is unknown."""
+        """Height of the box on the sensor, the lens's distortion removed.
+
+        NaN where an end is cut off or the pitch is unknown.
+        """
         m = self.measured
         height_px = m.bbox_xyxy_px[:, 3] - m.bbox_xyxy_px[:, 1]
+        if m.intrinsics is not None and m.intrinsics.distortion_model:
+            height_px = (self.foot - self.head)[:, 1] * m.intrinsics.fy_px
         return np.where(self.height_cut, np.nan, height_px * m.pixel_pitch_y_um * 1e-3)
+
+    @cached_property
+    def width_angle(self) -> FloatArray:
+        """Width of the box at unit distance; NaN where a side is cut off."""
+        if self.measured.intrinsics is None:
+            return np.asarray(self.width_on_sensor_mm / self.image_distance_mm)
+        return np.where(self.width_cut, np.nan, self._sides)
+
+    @cached_property
+    def height_angle(self) -> FloatArray:
+        """Height of the box at unit distance; NaN where an end is cut off."""
+        if self.measured.intrinsics is None:
+            return np.asarray(self.height_on_sensor_mm / self.image_distance_mm)
+        return np.where(self.height_cut, np.nan, (self.foot - self.head)[:, 1])
+
+    @cached_property
+    def width_angle_std(self) -> FloatArray:
+        """Standard deviation of `width_angle`."""
+        m = self.measured
+        if m.intrinsics is None:
+            return np.asarray(self.width_std_mm / self.image_distance_mm)
+        return np.asarray(np.hypot(m.std_xyxy_px[:, 0], m.std_xyxy_px[:, 2]) / m.intrinsics.fx_px)
+
+    @cached_property
+    def height_angle_std(self) -> FloatArray:
+        """Standard deviation of `height_angle`."""
+        if self.measured.intrinsics is None:
+            return np.asarray(self.height_std_mm / self.image_distance_mm)
+        return np.hypot(self.foot_std, self.head_std)
 
     @cached_property
     def width_std_mm(self) -> FloatArray:
@@ -75,9 +113,14 @@ class Geometry:
         return np.asarray(std_px * m.pixel_pitch_y_um * 1e-3)
 
     @cached_property
-    def height_cut(self) -> FloatArray:
+    def width_cut(self) -> BoolArray:
+        """Whether the picture cuts off the left or the right side, (n,)."""
+        return np.asarray(self.measured.truncated[:, 0] | self.measured.truncated[:, 2])
+
+    @cached_property
+    def height_cut(self) -> BoolArray:
         """Whether the picture cuts off the head or the feet, (n,)."""
-        return self.measured.truncated[:, 1] | self.measured.truncated[:, 3]
+        return np.asarray(self.measured.truncated[:, 1] | self.measured.truncated[:, 3])
 
     @cached_property
     def foot(self) -> FloatArray:
@@ -103,6 +146,15 @@ class Geometry:
     def head_std(self) -> FloatArray:
         """Standard deviation of the upper edge, normalised."""
         return self._std(1)
+
+    @cached_property
+    def _sides(self) -> FloatArray:
+        """Distance between the middles of the box's sides at unit distance; needs intrinsics."""
+        box = self.measured.bbox_xyxy_px
+        y_px = (box[:, 1] + box[:, 3]) / 2
+        left = self._at(np.stack([box[:, 0], y_px], axis=1))
+        right = self._at(np.stack([box[:, 2], y_px], axis=1))
+        return np.asarray((right - left)[:, 0])
 
     def _point(self, edge: int) -> FloatArray:
         box = self.measured.bbox_xyxy_px

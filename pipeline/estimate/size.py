@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pipeline.config import Config, SizePrior
 from pipeline.estimate.columns import BoolArray, Estimated
-from pipeline.estimate.common import add_heights, add_positions, calibrations_for, put, size_of
+from pipeline.estimate.common import (
+    Depths,
+    add_heights,
+    add_positions,
+    angle_of,
+    calibrations_for,
+    put,
+    size_of,
+    spread_m,
+)
 from pipeline.estimate.geometry import Geometry
-from pipeline.optics.ground_plane import depth_from_height_m, ground_position_m, range_m
 from pipeline.optics.object_size import depth_from_size_m, depth_from_size_std_m
-from pipeline.records import Dimension, FloatArray, Method
+from pipeline.records import Calibration, Dimension, FloatArray, Method
 
 # A camera of unknown pose that watches people is level or looks down on them; DESIGN's surveillance
 # cameras are tilted by 5-45 degrees, hand-held and tripod ones by little. Uniform over this range.
-UNKNOWN_TILT_RAD = np.deg2rad(np.linspace(0.0, 30.0, 13))
+UNKNOWN_TILT_RAD = (0.0, math.radians(30.0))
 
 
 def estimate(geometry: Geometry, config: Config) -> Estimated:
@@ -26,57 +36,95 @@ def estimate(geometry: Geometry, config: Config) -> Estimated:
     estimated = Estimated(len(m))
     calibrated = np.zeros(len(m), dtype=np.bool_)
     for calibration in calibrations_for(config, Method.SIZE, m.camera):
-        size_m = calibration.value("object_size_m")
-        size_std_m = np.nan_to_num(calibration.std_error("object_size_m"))
-        size_mm, size_std_mm = size_of(geometry, calibration.dimension)
-        depth_m = depth_from_size_m(size_m, size_mm, geometry.image_distance_mm)
-        std_m = np.hypot(
-            depth_from_size_std_m(depth_m, size_mm, size_std_mm, size_m, size_std_m),
-            np.nan_to_num(calibration.residual_std_m),
-        )
         rows = m.class_name == calibration.object_class
-        put(estimated, rows, depth_m, std_m, calibration, config.estimate.extrapolate)
-        calibrated |= rows
-    add_heights(estimated, geometry)
-    add_positions(estimated, geometry)
+        if rows.any() and calibration.value("object_size_m") > 0:
+            put(estimated, rows, _by_calibration(geometry, calibration), calibration)
+            calibrated |= rows
+    assumed: list[tuple[SizePrior, BoolArray]] = []
     for prior in config.size_prior:
         rows = (m.class_name == prior.object_class) & ~calibrated
-        if rows.any() and prior.dimension is Dimension.HEIGHT:
-            _from_height_prior(estimated, geometry, prior, rows)
+        if not rows.any():
+            continue
+        before = estimated.depth_m.copy()
+        put(estimated, rows, _by_prior(geometry, prior, config))
+        changed = rows & (estimated.depth_m != before) & np.isfinite(estimated.depth_m)
+        assumed.append((prior, changed & estimated.height_assumed))
+    add_heights(estimated, geometry)
+    for prior, rows in assumed:
+        estimated.height_m[rows] = prior.mean_m
+        estimated.height_std_m[rows] = prior.std_m
+        estimated.height_common_std_m[rows] = prior.std_m
+    add_positions(estimated, geometry)
     return estimated
 
 
-def _from_height_prior(
-    estimated: Estimated, geometry: Geometry, prior: SizePrior, rows: BoolArray
-) -> None:
+def _by_calibration(geometry: Geometry, calibration: Calibration) -> Depths:
+    """Scale by the lens data as in the calibration's own fit; by angles where they are unknown."""
+    size_m = calibration.value("object_size_m")
+    size_std_m = np.nan_to_num(calibration.std_error("object_size_m"))
+    o_mm, o_std_mm = size_of(geometry, calibration.dimension)
+    angle, angle_std = angle_of(geometry, calibration.dimension)
+    by_lens_m = depth_from_size_m(size_m, o_mm, geometry.image_distance_mm)
+    lensless = np.isnan(by_lens_m)
+    depth_m = np.where(lensless, _over(size_m, angle), by_lens_m)
+    relative = np.where(lensless, _over(angle_std, angle), _over(o_std_mm, o_mm))
+    common_m = np.hypot(depth_m * size_std_m / size_m, spread_m(calibration, depth_m))
+    return Depths(depth_m, depth_m * relative, common_m, calibration.dimension)
+
+
+def _by_prior(geometry: Geometry, prior: SizePrior, config: Config) -> Depths:
+    """Scale by angles. What is upright is foreshortened by the tilt; a width is not."""
+    if prior.dimension is Dimension.HEIGHT:
+        return _standing(geometry, prior, *_tilt_moments(geometry, config))
+    angle, angle_std = angle_of(geometry, prior.dimension)
+    depth_m = _over(prior.mean_m, angle)
+    noise_m = depth_from_size_std_m(depth_m, angle, angle_std)
+    return Depths(depth_m, noise_m, depth_m * prior.std_m / prior.mean_m, prior.dimension)
+
+
+def _standing(geometry: Geometry, prior: SizePrior, mean: FloatArray, cov: FloatArray) -> Depths:
+    """Return Z = H (cos t - y_h sin t) / (y_f - y_h), averaged over what is known of the tilt t.
+
+    Z is linear in (cos t, sin t), so their means and covariance give its mean and variance exactly.
+    Without intrinsics the head's direction is not known either, and is taken as the axis.
+    """
+    y_h = geometry.head[:, 1]
+    foot_std, head_std = geometry.foot_std, geometry.head_std
+    if geometry.measured.intrinsics is None:
+        y_h = np.zeros(len(y_h))
+        foot_std = head_std = geometry.height_angle_std / math.sqrt(2)
+    per_m = _over(prior.mean_m, geometry.height_angle)
+    across = mean[0] - y_h * mean[1]
+    depth_m = np.where(across > 0, per_m * across, np.nan)
+    variance = cov[0, 0] - 2 * y_h * cov[0, 1] + y_h**2 * cov[1, 1]
+    tilt_m = per_m * np.sqrt(np.maximum(variance, 0.0))
+    by_foot_m = depth_m * per_m / prior.mean_m
+    noise_m = np.hypot(by_foot_m * foot_std, (by_foot_m - per_m * mean[1]) * head_std)
+    common_m = np.hypot(depth_m * prior.std_m / prior.mean_m, tilt_m)
+    return Depths(depth_m, noise_m, common_m, Dimension.HEIGHT)
+
+
+def _tilt_moments(geometry: Geometry, config: Config) -> tuple[FloatArray, FloatArray]:
+    """Return the mean, (2,), and covariance, (2, 2), of (cos t, sin t).
+
+    The tilt is the pose's, or the camera file's, else anything in `UNKNOWN_TILT_RAD`.
+    """
     plane = geometry.measured.ground_plane
-    y_f, y_h = geometry.foot[:, 1], geometry.head[:, 1]
-    tilts = UNKNOWN_TILT_RAD if plane is None else np.array([plane.tilt_rad])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        by_tilt = depth_from_height_m(prior.mean_m, y_f[:, None], y_h[:, None], tilts)
-        depth_m = by_tilt.mean(axis=1)
-        relative = np.sqrt(
-            (prior.std_m / prior.mean_m) ** 2
-            + _edge_variance(geometry) / (y_f - y_h) ** 2
-            + (by_tilt.std(axis=1) / depth_m) ** 2
-        )
-    good = rows & np.isfinite(depth_m) & ~geometry.height_cut
-    estimated.depth_m[good] = depth_m[good]
-    estimated.depth_std_m[good] = (depth_m * relative)[good]
-    estimated.height_m[good] = prior.mean_m
-    estimated.height_std_m[good] = prior.std_m
-    estimated.height_common_std_m[good] = prior.std_m
-    estimated.height_assumed[good] = True
-    middle = geometry.middle
-    estimated.range_m[good] = (depth_m * np.sqrt(1.0 + (middle**2).sum(axis=1)))[good]
-    estimated.x_m[good] = (depth_m * middle[:, 0])[good]
-    estimated.y_m[good] = depth_m[good]
+    camera = config.camera_named(geometry.measured.camera)
     if plane is not None:
-        x_m, y_m = ground_position_m(depth_m, geometry.foot[:, 0], y_f, plane.tilt_rad)
-        away_m = range_m(x_m, y_m, plane.camera_height_m, prior.mean_m / 2)
-        for name, values in (("x_m", x_m), ("y_m", y_m), ("range_m", away_m)):
-            getattr(estimated, name)[good] = values[good]
+        tilt, std = plane.tilt_rad, math.sqrt(plane.covariance[1, 1])
+    else:
+        tilt, std = math.radians(camera.tilt_deg), math.radians(camera.tilt_std_deg)
+    if math.isfinite(tilt):
+        slope = np.array([-math.sin(tilt), math.cos(tilt)])
+        return np.array([math.cos(tilt), math.sin(tilt)]), np.outer(slope, slope) * std**2
+    low, high = UNKNOWN_TILT_RAD
+    tilts = low + (high - low) * (np.arange(1000) + 0.5) / 1000
+    both = np.stack([np.cos(tilts), np.sin(tilts)])
+    return both.mean(axis=1), np.cov(both, bias=True)
 
 
-def _edge_variance(geometry: Geometry) -> FloatArray:
-    return geometry.foot_std**2 + geometry.head_std**2
+def _over(above: FloatArray | float, below: FloatArray) -> FloatArray:
+    """Return a quotient, NaN where the divisor is not positive."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(below > 0, above / below, np.nan)

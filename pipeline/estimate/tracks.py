@@ -18,8 +18,8 @@ MEDIAN_EFFICIENCY = np.pi / 2
 def track_heights(measured: Measured, estimated: Estimated, method: Method) -> pa.Table:
     """Return the median height of each track and its standard deviation, and its depths.
 
-    The noise of frames averages out over as many frames as are independent: n (1 - c) / (1 + c) with
-    c the correlation of neighbouring frames (AR(1)). What all frames share, an error of the
+    The noise of frames averages out over as many frames as are independent: n (1 - c) / (1 + c)
+    with c the correlation of neighbouring frames (AR(1)). What all frames share, an error of the
     calibration or an assumed height, does not average out.
     """
     frame = pd.DataFrame(
@@ -47,7 +47,7 @@ def track_heights(measured: Measured, estimated: Estimated, method: Method) -> p
     common_m = tracks["common_m"].median().to_numpy()
     noise_m = _noise_of_median(spread_m, typical_std_m, common_m, _correlation(frame), count)
     depth = tracks["depth_m"].agg(["min", "median", "max", "count"])
-    columns = {
+    columns: dict[str, object] = {
         "camera": [measured.camera] * len(depth),
         "track_id": depth.index.to_numpy(),
         "method": [str(method)] * len(depth),
@@ -75,7 +75,7 @@ def _correlation(frame: pd.DataFrame) -> FloatArray:
     means = products.groupby("track_id", sort=True)[["cross", "square"]].mean()
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = (means["cross"] / means["square"]).to_numpy()
-    return np.clip(np.nan_to_num(correlation), 0.0, 0.99)
+    return np.asarray(np.clip(np.nan_to_num(correlation), 0.0, 0.99))
 
 
 def _noise_of_median(
@@ -93,4 +93,5 @@ def _noise_of_median(
     stated_m = np.sqrt(np.maximum(typical_std_m**2 - common_m**2, 0.0))
     per_frame_m = np.where(count >= 10, spread_m, np.fmax(spread_m, stated_m))
     independent = np.maximum(count * (1 - correlation) / (1 + correlation), 1.0)
-    return np.asarray(per_frame_m * np.sqrt(np.where(count > 1, MEDIAN_EFFICIENCY, 1.0) / independent))
+    efficiency = np.where(count > 1, MEDIAN_EFFICIENCY, 1.0)
+    return np.asarray(per_frame_m * np.sqrt(efficiency / independent))

@@ -129,9 +129,14 @@ class PinholeCamera:
                 start = np.tan(np.clip(radius, 0, 1.5)) / radius
             xy = flat * np.where(radius > 1e-12, start, 1.0)[:, None]
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            active = np.arange(len(flat))
             for _ in range(_ITERATIONS):
-                error = self._distort(xy) - flat
-                xy = xy - self._solve(xy, error)
+                error = self._distort(xy[active]) - flat[active]
+                xy[active] -= self._solve(xy[active], error)
+                # Convergence is quadratic: after this step the error is far below the limit.
+                active = active[(np.abs(error) > _CONVERGED).any(axis=1)]
+                if len(active) == 0:
+                    break
             residual = np.abs(self._distort(xy) - flat).max(axis=1, initial=0.0)
             xy[~((residual < _CONVERGED) & (self._determinant(xy) > 0))] = np.nan
         return xy.reshape(bent.shape)
