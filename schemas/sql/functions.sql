@@ -93,3 +93,9 @@ CREATE OR REPLACE MACRO stats.student_95(df) AS
             stats.student_95_expansion(stats.normal_95(), df::DOUBLE)
         )
     END;
+
+-- 95 % interval of a correlation of n independent pairs (Fisher's z).
+CREATE OR REPLACE MACRO stats.fisher_low(r, n) AS
+    CASE WHEN n > 3 AND abs(r) < 1 THEN tanh(atanh(r) - stats.normal_95() / sqrt(n - 3)) END;
+CREATE OR REPLACE MACRO stats.fisher_high(r, n) AS
+    CASE WHEN n > 3 AND abs(r) < 1 THEN tanh(atanh(r) + stats.normal_95() / sqrt(n - 3)) END;
