@@ -26,13 +26,17 @@ import pyarrow as pa
 from pipeline import __version__
 from pipeline.config import Config
 from pipeline.errors import StadimeterError, StoreError, Where
+from pipeline.diagnostics import Notes
 from pipeline.first_pass import measure_recording
+from pipeline.ingest.frames import FrameAssembler
+from pipeline.ingest.mcap_records import McapFile
 from pipeline.progress import Progress, Report, silent
-from pipeline.records import Diagnostic, Severity
+from pipeline.records import PASS_ONE, Diagnostic, Severity
 from pipeline.second_pass import estimate_recording
 from pipeline.store.database import RecordingRow, Store
 
 LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "rerun-sdk", "scipy")
+CURRENT_TABLES = ("estimates", "track_heights")
 
 
 @dataclass(slots=True)
@@ -196,13 +200,22 @@ def write_timeline_of(
     store: Store, outcome: Outcome, folder: Path, config: Config, report: Report
 ) -> Path:
     """Write the Rerun recording of a stored recording; its pictures are passed through."""
-    from dashboards.timeline import write_timeline  # heavy, and not everybody wants a timeline
+    from dashboards.timeline import StillEncoded, write_timeline  # heavy, and not always wanted
 
     recording = outcome.recording
     assert recording is not None  # noqa: S101  (narrowing)
     report(Progress(outcome.path.name, "timeline", recording.frame_count, 1.0))
+    recording_id = recording.recording_id
+    tables = {name: store.read(name, recording_id) for name in PASS_ONE}
+    tables |= {name: store.read_current(name, recording_id) for name in CURRENT_TABLES}
+    notes = Notes()  # pass 1 has reported what is wrong with the file
+    file = McapFile(outcome.path, config.limits, notes.add)
+    images = (
+        StillEncoded(f.camera, f.frame_index, f.capture_time_ns, f.image_format, f.image)
+        for f in FrameAssembler(file, config.ingest, notes)
+    )
     path = folder / f"{outcome.path.stem}.rrd"
-    write_timeline(path, store, recording.recording_id, outcome.path, config)
+    write_timeline(path, store.read("recordings", recording_id).to_pylist()[0], images, tables)
     return path
 
 

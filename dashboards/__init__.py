@@ -1,0 +1,1 @@
+"""What people look at: the Rerun timeline of a recording."""
