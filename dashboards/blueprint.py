@@ -21,11 +21,11 @@ class CameraView:
     method: str | None
     pose_known: bool
     camera_height_m: float
-    far_m: float
+    depth_m: tuple[float, float, float]  # low end, middle and high end of what is drawn
+    height_m: tuple[float, float, float]
     has_heights: bool
     has_exposure: bool
     has_truth: bool
-    first_frame: int
 
 
 def blueprint(views: Sequence[CameraView]) -> rrb.Blueprint:
@@ -70,18 +70,18 @@ def _scene(view: CameraView) -> rrb.Spatial3DView:
             end=rr.TimeRangeBoundary.cursor_relative(),
         ),
     )
-    far = view.far_m
+    middle = view.depth_m[1]
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=[-0.6 * far, -0.35 * far, 0.55 * far],
-        look_target=[0.0, 0.6 * far, 0.0],
+        position=[-0.75 * middle, -0.05 * middle, 0.5 * middle],
+        look_target=[0.0, 0.85 * middle, 0.0],
         eye_up=[0.0, 0.0, 1.0],
     )
     return rrb.Spatial3DView(
         origin=path(view.camera),
         contents=["$origin/camera/**", "$origin/people", "$origin/trail"],
         name="Ground, in metres" if view.pose_known else "Scene, in metres",
-        line_grid=rrb.LineGrid3D(visible=view.pose_known, spacing=1.0 if far < 15 else 5.0),
+        line_grid=rrb.LineGrid3D(visible=view.pose_known, spacing=1.0 if middle < 15 else 5.0),
         eye_controls=eye,
         overrides={trail: [back]},
     )
@@ -102,10 +102,12 @@ def _curves(view: CameraView) -> rrb.Horizontal | rrb.Vertical:
 
 
 def _plot(view: CameraView, quantity: str, method: str, title: str) -> rrb.TimeSeriesView:
+    low, _, high = view.height_m if quantity == "height" else view.depth_m
     contents = ["$origin/**"] if method == "**" else [f"$origin/{method}/**", "$origin/truth/**"]
     return rrb.TimeSeriesView(
         origin=path(view.camera, quantity),
         contents=contents,
         name=title,
+        axis_y=rrb.ScalarAxis(range=(low, high)),
         plot_legend=rrb.PlotLegend(visible=False),
     )

@@ -89,17 +89,28 @@ def _view_of(camera: Mapping[str, Any], frames: Mapping[str, pd.DataFrame]) -> C
     merged = frames["estimates"].merge(mine[["observation_index"]], on="observation_index")
     exposure = frames["frames"].query("camera == @name")
     truth = frames["ground_truth"].query("camera == @name")
+    best = best_method(set(merged["method"]))
     return CameraView(
         camera=name,
-        method=best_method(set(merged["method"])),
+        method=best,
         pose_known=camera["camera_height_m"] is not None,
         camera_height_m=float(camera["camera_height_m"] or 0.0),
-        far_m=float(merged["depth_m"].quantile(0.95)) if len(merged) else 20.0,
+        depth_m=_range_of(merged["depth_m"], merged["method"] == best),
+        height_m=_range_of(merged["height_m"], merged["method"] == best),
         has_heights=bool((~merged["height_assumed"] & merged["height_m"].notna()).any()),
         has_exposure=bool(exposure["f_number"].notna().any()),
         has_truth=bool(truth["depth_m"].notna().any()),
-        first_frame=int(exposure["frame_index"].min()) if len(exposure) else 0,
     )
+
+
+def _range_of(values: pd.Series, chosen: pd.Series) -> tuple[float, float, float]:
+    """Return the low end, the middle and the high end of what a plot shows: outliers may leave it."""
+    known = values[chosen].dropna()
+    if known.empty:
+        return 0.0, 1.0, 2.0
+    low, middle, high = (float(known.quantile(q)) for q in (0.01, 0.5, 0.99))
+    margin = 0.1 * (high - low) + 0.02 * middle
+    return low - margin, middle, high + margin
 
 
 def _log_camera(
@@ -123,7 +134,7 @@ def _log_camera(
                 ],
                 resolution=[camera["width_px"], camera["height_px"]],
                 camera_xyz=rr.ViewCoordinates.RDF,
-                image_plane_distance=max(view.far_m / 8, 0.05),
+                image_plane_distance=max(view.depth_m[1] / 6, 0.05),
             ),
             static=True,
         )
@@ -159,27 +170,28 @@ def _log_boxes(name: str, drawn: pd.DataFrame, times: pd.DataFrame) -> None:
 
 
 def _labels(drawn: pd.DataFrame) -> list[str]:
-    """Return "#3  20.4 ± 1.5 m, 1.66 ± 0.09 m tall": 95 % intervals; an assumed height is marked."""
+    """Return number, depth and height with 95 % intervals, a line each; no spaces, which would wrap.
+
+    A height that was assumed is not shown.
+    """
     labels = []
     columns = ("track_id", "depth_m", "depth_std_m", "height_m", "height_std_m", "height_assumed")
     for track, depth, depth_std, height, height_std, assumed in zip(
         *(drawn[c].to_numpy() for c in columns), strict=True
     ):
-        label = f"#{track}"
-        if depth == depth and depth is not None:
-            label += f"  {_with_interval(depth, depth_std)} m"
-            if assumed is True:
-                label += "\nheight assumed"
-            elif height == height:
-                label += f"\n{_with_interval(height, height_std)} m tall"
-        labels.append(label)
+        lines = [f"#{track}"]
+        if pd.notna(depth):
+            lines.append(_with_interval(depth, depth_std))
+        if pd.notna(height) and assumed is not True:
+            lines.append(f"↕{_with_interval(height, height_std)}")
+        labels.append("\n".join(lines))
     return labels
 
 
 def _with_interval(value: float, std: float) -> str:
     half = Z_95 * std
-    digits = 2 if half < 0.3 else 1
-    return f"{value:.{digits}f} ± {half:.{digits}f}"
+    digits = 2 if half < 0.3 else 1 if half < 3 else 0
+    return f"{value:.{digits}f}±{half:.{digits}f}m"
 
 
 def _log_people(name: str, drawn: pd.DataFrame, times: pd.DataFrame, pose: Pose) -> None:

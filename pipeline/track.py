@@ -21,8 +21,10 @@ from pipeline.records import TRACKS, Boxes, FloatArray, IntArray
 # large and small pictures, are treated alike.
 # A walker passes 0.8 body heights a second (1.4 m/s), a runner twice that.
 SPEED_STD = 1.0  # body heights a second, of a new track
-ACCELERATION_STD = 1.5  # body heights a second squared: setting off and stopping within a second
-SIZE_CHANGE_STD = 0.3  # of height and width, a second: strides and turns
+ACCELERATION_STD = 0.6  # body heights a second squared: 1 m/s2, setting off or stopping within 1.5 s
+# The height in the picture changes only as the person comes nearer; the width also with every stride.
+HEIGHT_CHANGE_STD = 0.08  # of the height, in a second
+WIDTH_CHANGE_STD = 0.3
 FOOT_STD = 0.05  # body heights: how well a box's foot point and sides repeat
 SIZE_STD = 0.08
 # Chi-squared, 4 degrees of freedom, 99.9 %: further apart is another object.
@@ -229,6 +231,6 @@ def _process_noise(elapsed_s: float, height_px: FloatArray) -> FloatArray:
         noise[:, position, velocity] = acceleration * elapsed_s**3 / 2
         noise[:, velocity, position] = acceleration * elapsed_s**3 / 2
         noise[:, velocity, velocity] = acceleration * elapsed_s**2
-    size = (SIZE_CHANGE_STD * height_px) ** 2 * elapsed_s
-    noise[:, 2, 2] = noise[:, 3, 3] = size
+    noise[:, 2, 2] = (HEIGHT_CHANGE_STD * height_px) ** 2 * elapsed_s
+    noise[:, 3, 3] = (WIDTH_CHANGE_STD * height_px) ** 2 * elapsed_s
     return noise

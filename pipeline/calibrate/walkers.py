@@ -22,7 +22,7 @@ from pipeline.config import SizePrior
 from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate.columns import Measured
 from pipeline.estimate.geometry import camera_of
-from pipeline.optics.ground_plane import foot_depth_m, remove_roll
+from pipeline.optics.ground_plane import foot_depth_m, height_m, remove_roll
 from pipeline.records import FloatArray, GroundPlane
 
 # Two people give a line of sight each for tilt and height; below four, one who stoops decides.
@@ -42,6 +42,10 @@ POPULATION_MEAN_STD_M = 0.03
 # The result must be this well determined to be of use.
 MAX_HEIGHT_ERROR = 0.15  # standard error of the camera's height, relative
 MAX_TILT_ERROR_RAD = np.deg2rad(3.0)
+# A track this many standard deviations of the population's stature from the median is not one grown
+# person: of a hundred people one is lost, of groups and fragments most.
+MAX_DEVIATION = 2.6
+MAX_REJECTIONS = 4
 TILTS_RAD = np.deg2rad([2.0, 8.0, 15.0, 25.0, 35.0, 50.0])
 ROLL_STD_RAD = np.deg2rad(5.0)  # cameras are put up upright; nothing else holds roll in a narrow view
 
@@ -93,20 +97,24 @@ def calibrate_from_walkers(
             f"{MIN_PEOPLE} are needed",
             remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
         )
-    starts = sorted(TILTS_RAD, key=lambda tilt: _start_cost(sample, prior, tilt))
-    fits = [_fit(sample, prior, tilt) for tilt in starts[:2]]
-    best = min(fits, key=lambda fit: float(fit.cost))
+    best = _best_fit(sample, prior)
+    for _ in range(MAX_REJECTIONS):
+        alike = _alike(sample, best, prior)
+        if alike.all() or alike.sum() < MIN_PEOPLE:
+            break
+        sample = _only(sample, alike)
+        best = _best_fit(sample, prior)
     covariance = _covariance(best, sample, prior)
     std = np.sqrt(np.diag(covariance))
-    height_m, tilt, roll = float(np.exp(best.x[0])), float(best.x[1]), float(best.x[2])
-    if std[0] > MAX_HEIGHT_ERROR * height_m or std[1] > MAX_TILT_ERROR_RAD or tilt < 0:
+    above_m, tilt, roll = float(np.exp(best.x[0])), float(best.x[1]), float(best.x[2])
+    if std[0] > MAX_HEIGHT_ERROR * above_m or std[1] > MAX_TILT_ERROR_RAD or tilt < 0:
         raise CalibrationUndetermined(
-            f"the tracks do not fix the camera's pose: height {height_m:.1f} ± {std[0]:.1f} m, "
+            f"the tracks do not fix the camera's pose: height {above_m:.1f} ± {std[0]:.1f} m, "
             f"tilt {np.rad2deg(tilt):.1f} ± {np.rad2deg(std[1]):.1f} degrees",
             remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
         )
     report = _report(best, sample, measured, std)
-    return GroundPlane(height_m, tilt, roll, covariance, "walkers"), report
+    return GroundPlane(above_m, tilt, roll, covariance, "walkers"), report
 
 
 def _sample(measured: Measured, prior: SizePrior) -> _Sample:
@@ -164,10 +172,46 @@ def _residuals(x: FloatArray, sample: _Sample, prior: SizePrior) -> FloatArray:
     return np.concatenate([error, people, [x[2] / ROLL_STD_RAD]])
 
 
+def _best_fit(sample: _Sample, prior: SizePrior) -> OptimizeResult:
+    """Return the better of the fits from the two most promising tilts."""
+    starts = sorted(TILTS_RAD, key=lambda tilt: _start_cost(sample, prior, tilt))
+    fits = [_fit(sample, prior, tilt) for tilt in starts[:2]]
+    return min(fits, key=lambda fit: float(fit.cost))
+
+
+def _alike(sample: _Sample, fit: OptimizeResult, prior: SizePrior) -> npt.NDArray[np.bool_]:
+    """Return which tracks, (p,), may be of grown people, one a box: as tall as the others.
+
+    Two people in one box are twice as tall, a bag or half a person half as tall; what a pose gives is
+    compared with the median of all, so that the scale need not be right yet.
+    """
+    pose = fit.x.copy()
+    y_f = remove_roll(sample.foot, pose[2])[:, 1]
+    y_h = remove_roll(sample.head, pose[2])[:, 1]
+    z_m = foot_depth_m(np.exp(pose[0]), pose[1], y_f)
+    tall_m = height_m(z_m, y_f, y_h, pose[1])
+    typical_m = np.array([np.nanmedian(tall_m[sample.track == t]) for t in range(sample.people)])
+    relative = typical_m / np.nanmedian(typical_m) - 1
+    return np.abs(relative) < MAX_DEVIATION * prior.std_m / prior.mean_m
+
+
+def _only(sample: _Sample, kept: npt.NDArray[np.bool_]) -> _Sample:
+    """Return the observations of the tracks that are kept, numbered anew."""
+    rows = kept[sample.track]
+    number = np.cumsum(kept) - 1
+    return _Sample(
+        sample.foot[rows],
+        sample.head[rows],
+        sample.sigma[rows],
+        number[sample.track[rows]],
+        sample.weight[rows],
+    )
+
+
 def _start(sample: _Sample, prior: SizePrior, tilt: float) -> FloatArray:
     """Return unknowns to start from at a tilt: everybody has the mean stature."""
-    height_m = _height_for(sample, prior, tilt)
-    return np.concatenate([[np.log(height_m), tilt, 0.0], np.full(sample.people, prior.mean_m)])
+    above_m = _height_for(sample, prior, tilt)
+    return np.concatenate([[np.log(above_m), tilt, 0.0], np.full(sample.people, prior.mean_m)])
 
 
 def _start_cost(sample: _Sample, prior: SizePrior, tilt: float) -> float:
@@ -219,10 +263,10 @@ def _covariance(fit: OptimizeResult, sample: _Sample, prior: SizePrior) -> Float
     residual = fit.fun[:rows]
     freedom = max(sample.weight.sum() - 3 - sample.people, 1.0)
     covariance = covariance * max(float((np.minimum(np.abs(residual), 3) ** 2).sum() / freedom), 1.0)
-    height_m = float(np.exp(fit.x[0]))
-    scale = np.diag([height_m, 1.0, 1.0])
+    above_m = float(np.exp(fit.x[0]))
+    scale = np.diag([above_m, 1.0, 1.0])
     covariance = scale @ covariance @ scale
-    covariance[0, 0] += (height_m * POPULATION_MEAN_STD_M / prior.mean_m) ** 2
+    covariance[0, 0] += (above_m * POPULATION_MEAN_STD_M / prior.mean_m) ** 2
     return np.asarray(covariance)
 
 
