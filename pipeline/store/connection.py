@@ -19,6 +19,7 @@ _CONFIG = {
     "autoload_known_extensions": "false",
     "enable_external_access": "false",
     "python_enable_replacements": "false",
+    "lock_configuration": "true",
 }
 
 
@@ -39,7 +40,6 @@ def connect(path: Path, *, read_only: bool) -> duckdb.DuckDBPyConnection:
         raise _explained(str(error), where) from error
     try:
         _refuse_foreign(connection, where, read_only=read_only)
-        connection.execute("SET lock_configuration = true")
     except duckdb.Error as error:
         connection.close()
         raise _explained(str(error), where) from error
@@ -61,6 +61,12 @@ def _explained(text: str, where: Where) -> StoreError:
             f"{who} has the database open",
             where=where,
             remedy="Wait until it ends, or end it; many may read, but who writes must be alone",
+        )
+    if "different configuration" in text:
+        return StoreError(
+            "is open in this process for reading or writing, and cannot be for the other",
+            where=where,
+            remedy="Close it first",
         )
     if "not a valid DuckDB database" in text:
         return StoreError("is not a DuckDB database", where=where, remedy=_ANOTHER)

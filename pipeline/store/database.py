@@ -291,11 +291,12 @@ class Store:
             )
 
     def read(self, table: str, recording_id: str) -> pa.Table:
-        """Return a recording's rows of a table, in the order in which they are stored."""
+        """Return a recording's rows of a table, by camera and time (estimates by method)."""
         if table not in RECORDING_TABLES:
             raise ValueError(f"{table!r} is no table of recordings")
         return self._connection.sql(
-            f"SELECT * FROM {table} WHERE recording_id = ?", params=[recording_id]
+            f"SELECT * FROM {table} WHERE recording_id = ? ORDER BY {_ORDER.get(table, 'ALL')}",
+            params=[recording_id],
         ).to_arrow_table()
 
     def read_current(self, table: str, recording_id: str) -> pa.Table:
@@ -304,7 +305,7 @@ class Store:
             raise ValueError(f"{table!r} is no table of estimates")
         return self._connection.sql(
             f"SELECT t.* FROM {table} t SEMI JOIN main.current_run USING (recording_id, run_id) "
-            "WHERE recording_id = ?",
+            f"WHERE recording_id = ? ORDER BY {_ORDER[table]}",
             params=[recording_id],
         ).to_arrow_table()
 
@@ -355,11 +356,11 @@ def _part(folder: Path, table: str) -> pyarrow.dataset.Dataset:
 
 
 def _known(table: str) -> str:
-    """Return the columns of a table that comes in, NaN made NULL."""
-    schema = (PASS_ONE | PASS_TWO)[table]
+    """Return the columns of a table that comes in, NaN made NULL; of estimates, infinity too."""
+    test = "isfinite({0})" if table in PASS_TWO else "NOT isnan({0})"
     return ", ".join(
-        f"CASE WHEN NOT isnan({c.name}) THEN {c.name} END AS {c.name}"
+        f"CASE WHEN {test.format(c.name)} THEN {c.name} END AS {c.name}"
         if pa.types.is_floating(c.type)
         else c.name
-        for c in schema
+        for c in (PASS_ONE | PASS_TWO)[table]
     )

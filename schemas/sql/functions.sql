@@ -10,6 +10,9 @@ CREATE OR REPLACE MACRO stats.normal_50() AS 0.6744897501960817::DOUBLE;
 CREATE OR REPLACE MACRO stats.normal_80() AS 1.2815515655446004::DOUBLE;
 CREATE OR REPLACE MACRO stats.normal_95() AS 1.959963984540054::DOUBLE;
 
+-- Unknown stays NULL: what 0 / 0 or an overflow left behind is not a number to report.
+CREATE OR REPLACE MACRO stats.known(x) AS CASE WHEN isfinite(x) THEN x END;
+
 -- erfc for x >= 2.5, without the cancellation of 1 - erf(x).
 CREATE OR REPLACE MACRO stats.erfc_tail(x) AS
     exp(-x * x) / sqrt(pi())
@@ -56,17 +59,21 @@ CREATE OR REPLACE MACRO stats.beta_regularised(x, y, a, b) AS
 
 -- Two-sided significance of Student's t with `df` degrees of freedom.
 CREATE OR REPLACE MACRO stats.student_p(t, df) AS
-    stats.beta_regularised(
-        (df / (df + t * t))::DOUBLE, (t * t / (df + t * t))::DOUBLE,
-        (df / 2)::DOUBLE, 0.5::DOUBLE
-    );
+    CASE
+        WHEN df > 0 THEN stats.beta_regularised(
+            (df / (df + t * t))::DOUBLE, (t * t / (df + t * t))::DOUBLE,
+            (df / 2)::DOUBLE, 0.5::DOUBLE
+        )
+    END;
 
 -- Significance of F with df1 and df2 degrees of freedom.
 CREATE OR REPLACE MACRO stats.f_p(f, df1, df2) AS
-    stats.beta_regularised(
-        (df2 / (df2 + df1 * f))::DOUBLE, (df1 * f / (df2 + df1 * f))::DOUBLE,
-        (df2 / 2)::DOUBLE, (df1 / 2)::DOUBLE
-    );
+    CASE
+        WHEN df1 > 0 AND df2 > 0 THEN stats.beta_regularised(
+            (df2 / (df2 + df1 * f))::DOUBLE, (df1 * f / (df2 + df1 * f))::DOUBLE,
+            (df2 / 2)::DOUBLE, (df1 / 2)::DOUBLE
+        )
+    END;
 
 -- Student's t that holds the middle 95 %: the Cornish-Fisher expansion (Abramowitz and Stegun,
 -- 26.7.5), refined by Newton's method where few degrees of freedom make it coarse.

@@ -13,7 +13,7 @@ tracks AS (
         method, count(*) AS n, avg(height_error_m) AS bias, stddev_samp(height_error_m) AS spread,
         avg(abs(height_error_m)) AS mae, avg(height_error_m ** 2) AS mse,
         stddev_samp(height_error_m ** 2) AS mse_spread,
-        100 * avg(abs(height_error_m) / true_height_m) AS mape,
+        100 * avg(abs(height_error_m) / nullif(true_height_m, 0)) AS mape,
         avg((abs(height_z) <= stats.normal_95())::INTEGER) AS coverage,
         stats.student_95(count(*) - 1) / sqrt(count(*)) AS t
     FROM accuracy.track_heights

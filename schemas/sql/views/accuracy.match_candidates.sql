@@ -24,9 +24,13 @@ pairs AS (
         truth.camera, truth.frame_index, observed.observation_index, truth.object_id,
         observed.is_known, observed.object_id AS observed_object_id, observed.score,
         greatest(
-            least(truth.x_max_px, observed.x_max_px) - greatest(truth.x_min_px, observed.x_min_px), 0
+            least(truth.x_max_px, observed.x_max_px)
+                - greatest(truth.x_min_px, observed.x_min_px),
+            0
         ) * greatest(
-            least(truth.y_max_px, observed.y_max_px) - greatest(truth.y_min_px, observed.y_min_px), 0
+            least(truth.y_max_px, observed.y_max_px)
+                - greatest(truth.y_min_px, observed.y_min_px),
+            0
         ) AS common_px2,
         (truth.x_max_px - truth.x_min_px) * (truth.y_max_px - truth.y_min_px) AS true_px2,
         (observed.x_max_px - observed.x_min_px) * (observed.y_max_px - observed.y_min_px)

@@ -65,14 +65,14 @@ measured AS MATERIALIZED (
         avg(depth_error_m ** 2) AS depth_mse,
         stddev_samp(depth_error_m) AS depth_error_spread_m,
         quantile_cont(abs(depth_error_m), [0.5, 0.95]) AS depth_abs_quantiles,
-        avg(abs(depth_error_m) / true_depth_m) AS depth_abs_rel,
-        avg(depth_error_m ** 2 / true_depth_m) AS depth_sq_rel_m,
+        avg(abs(depth_error_m) / nullif(true_depth_m, 0)) AS depth_abs_rel,
+        avg(depth_error_m ** 2 / nullif(true_depth_m, 0)) AS depth_sq_rel_m,
         sqrt(avg(depth_log_ratio ** 2)) AS depth_rmse_log,
         100 * stddev_pop(depth_log_ratio) AS depth_silog,
         avg((abs(depth_log_ratio) < ln(1.25))::INTEGER) AS depth_delta_1,
         avg((abs(depth_log_ratio) < 2 * ln(1.25))::INTEGER) AS depth_delta_2,
         avg((abs(depth_log_ratio) < 3 * ln(1.25))::INTEGER) AS depth_delta_3,
-        corr(depth_m, true_depth_m) AS depth_r,
+        stats.known(corr(depth_m, true_depth_m)) AS depth_r,
         var_pop(true_depth_m) FILTER (depth_error_m IS NOT NULL) AS true_depth_variance,
         avg((abs(depth_z) <= stats.normal_50())::INTEGER) AS depth_coverage_50,
         avg((abs(depth_z) <= stats.normal_80())::INTEGER) AS depth_coverage_80,
@@ -84,7 +84,7 @@ measured AS MATERIALIZED (
         avg(height_error_m) AS height_bias_m,
         avg(abs(height_error_m)) AS height_mae_m,
         avg(height_error_m ** 2) AS height_mse,
-        100 * avg(abs(height_error_m) / true_height_m) AS height_mape_percent,
+        100 * avg(abs(height_error_m) / nullif(true_height_m, 0)) AS height_mape_percent,
         avg((abs(height_z) <= stats.normal_95())::INTEGER) AS height_coverage_95
     FROM errors
     GROUP BY key

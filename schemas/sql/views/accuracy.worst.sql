@@ -1,7 +1,8 @@
 -- Which estimates are the most wrong, and where is that to be seen?
 CREATE OR REPLACE VIEW accuracy.worst AS
 WITH errors AS NOT MATERIALIZED (
-    SELECT *, abs(depth_error_m) / true_depth_m AS depth_relative_error FROM accuracy.errors
+    SELECT *, abs(depth_error_m) / nullif(true_depth_m, 0) AS depth_relative_error
+    FROM accuracy.errors
 ),
 -- The twentieth largest error of each method: cheaper than ranking every estimate.
 thresholds AS (

@@ -26,7 +26,7 @@ ours AS (
         camera, class_name, method,
         min(true_depth_m) AS depth_min_m, max(true_depth_m) AS depth_max_m,
         sqrt(avg(depth_error_m ** 2)) AS depth_rmse_m,
-        CASE WHEN count(*) > 1 THEN corr(depth_m, true_depth_m) END AS depth_r,
+        stats.known(corr(depth_m, true_depth_m)) AS depth_r,
         count(*) AS depth_count
     FROM accuracy.errors
     WHERE depth_error_m IS NOT NULL

@@ -14,8 +14,8 @@ correlated AS (
     SELECT
         camera, class_name, method, count(*) AS observation_count,
         min(true_depth_m) AS depth_min_m, max(true_depth_m) AS depth_max_m,
-        CASE WHEN count(*) > 1 THEN corr(depth_m, true_depth_m) END AS r1,
-        CASE WHEN count(object_width_mm) > 1 THEN corr(object_width_mm, depth_m) END AS r2,
+        stats.known(corr(depth_m, true_depth_m)) AS r1,
+        stats.known(corr(object_width_mm, depth_m)) AS r2,
         count(object_width_mm) AS sized_count
     FROM pairs
     GROUP BY ALL

@@ -16,7 +16,8 @@ WITH estimated AS (
     LEFT JOIN (
         SELECT DISTINCT calibration_id, run_id, dimension FROM main.calibrations
     ) AS calibrations USING (calibration_id, run_id)
-    WHERE estimates.method = 'aperture' AND estimates.depth_m - measurements.true_depth_m IS NOT NULL
+    WHERE estimates.method = 'aperture'
+        AND estimates.depth_m - measurements.true_depth_m IS NOT NULL
 )
 SELECT
     file_name, recording_id, camera, class_name, object_id, f_number,

@@ -1,7 +1,7 @@
 -- What does the regression of depth on 1 / object size give, number by number?
 -- Ordinary least squares of depth = b0 + b1 / O_s (Eq. 17), O_s the width of the object on the
--- sensor; the views of Tables 11-13 take their figures from here. Observations count as independent,
--- as in the paper.
+-- sensor; the views of Tables 11-13 take their figures from here. Observations count as
+-- independent, as in the paper.
 CREATE OR REPLACE VIEW paper.inverse_model AS
 WITH points AS (
     SELECT camera, class_name, true_depth_m AS y, 1 / object_width_mm AS x

@@ -1,6 +1,6 @@
 -- What size had each true object on the sensor, and with which lens settings?
--- The sides of the box times the pitch of the stored pixels, as in section 3.3; a side that the edge
--- of the picture cuts is unknown.
+-- The sides of the box times the pitch of the stored pixels, as in section 3.3; a side that the
+-- edge of the picture cuts is unknown.
 CREATE OR REPLACE VIEW paper.measurements AS
 SELECT
     matches.recording_id, recordings.file_name, matches.camera, matches.frame_index,
