@@ -38,7 +38,7 @@ def blueprint(views: Sequence[CameraView]) -> rrb.Blueprint:
     )
     cameras = [_camera(view) for view in views]
     main = cameras[0] if len(cameras) == 1 else rrb.Tabs(*cameras)
-    body = rrb.Horizontal(main, texts, column_shares=[5, 2]) if cameras else texts
+    body = rrb.Horizontal(main, texts, column_shares=[3, 1]) if cameras else texts
     return rrb.Blueprint(
         body,
         rrb.BlueprintPanel(state="collapsed"),
@@ -49,14 +49,14 @@ def blueprint(views: Sequence[CameraView]) -> rrb.Blueprint:
 
 
 def _camera(view: CameraView) -> rrb.Vertical:
-    above = rrb.Horizontal(_picture(view), _scene(view), column_shares=[1, 1])
+    above = rrb.Horizontal(_picture(view), _scene(view), column_shares=[6, 5])
     return rrb.Vertical(above, _curves(view), row_shares=[3, 2], name=view.camera)
 
 
 def _picture(view: CameraView) -> rrb.Spatial2DView:
     return rrb.Spatial2DView(
         origin=path(view.camera, "camera"),
-        contents=["$origin/image", "$origin/tracks"],
+        contents=["$origin/image", "$origin/tracks", "$origin/labels"],
         name="Picture",
     )
 

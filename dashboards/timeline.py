@@ -164,9 +164,18 @@ def _log_boxes(name: str, drawn: pd.DataFrame, times: pd.DataFrame) -> None:
         centers=(low + high) / 2 + 0.5,
         half_sizes=(high - low) / 2,
         colors=colours_of(drawn["track_id"].to_numpy()),
-        labels=_labels(drawn),
     )
     rr.send_columns(path(name, "camera", "tracks"), _index(times), columns.partition(counts))
+    # A box wraps its label to its own width; a point under its feet does not.
+    feet = np.column_stack([(low[:, 0] + high[:, 0]) / 2, high[:, 1]]) + 0.5
+    labels = rr.Points2D.columns(
+        positions=feet,
+        colors=colours_of(drawn["track_id"].to_numpy()),
+        radii=np.full(len(drawn), 1.5),
+        labels=_labels(drawn),
+        show_labels=np.ones(len(drawn), dtype=bool),
+    )
+    rr.send_columns(path(name, "camera", "labels"), _index(times), labels.partition(counts))
 
 
 def _labels(drawn: pd.DataFrame) -> list[str]:
