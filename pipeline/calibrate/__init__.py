@@ -1,4 +1,7 @@
 """Finding what turns pixels into metres: from truth, or from people who walk.
 
-walkers:   the camera's pose above the ground, from tracks of people
+from_truth:   k by aperture, one object size, Eq. 17 and size priors, from observations with truth
+regression:   linear fits with standard errors, robust fits, and their errors out of sample
+walkers:      the camera's pose above the ground, from tracks of people
+camera_file:  the `camera.toml` that keeps what was found
 """
