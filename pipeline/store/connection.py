@@ -102,9 +102,9 @@ def _refuse_foreign(
         return
     if "schema_version" not in tables:
         raise StoreError("is no stadimeter database", where=where, remedy=_ANOTHER)
-    found = connection.execute("SELECT version FROM schema_version").fetchone()
-    if found != (SCHEMA_VERSION,):
-        version = "unknown" if found is None else found[0]
+    found = connection.execute("SELECT version FROM schema_version LIMIT 1").fetchall()
+    if found != [(SCHEMA_VERSION,)]:
+        version = found[0][0] if found else "unknown"
         raise StoreError(
             f"has tables of version {version}; this stadimeter has version {SCHEMA_VERSION}",
             where=where,
