@@ -39,9 +39,7 @@ def main(recording: Path, database: Path) -> None:
                 x, y, w, h, area = stats[i]
                 if area < 300 or h < w:
                     continue
-                near = [
-                    (math.dist(centres[i], at), track) for track, at in last.items()
-                ]
+                near = [(math.dist(centres[i], at), track) for track, at in last.items()]
                 distance, track = min(near, default=(math.inf, -1))
                 if distance > 50:
                     track, next_id = next_id, next_id + 1

@@ -49,7 +49,12 @@ def main() -> None:
     size_kb = np.mean([len(p) for p in pictures]) / 1e3
     ours = times["stadimeter run"]
     rows = [
-        [label, f"{FRAMES / seconds:,.0f}", f"{seconds / FRAMES * 1e3:.2f}", f"{seconds / ours:.2f}"]
+        [
+            label,
+            f"{FRAMES / seconds:,.0f}",
+            f"{seconds / FRAMES * 1e3:.2f}",
+            f"{seconds / ours:.2f}",
+        ]
         for label, seconds in times.items()
     ]
     out.print(f"{FRAMES} frames of 1280x720 JPEG, {size_kb:.0f} KB each, {THREADS} threads")

@@ -27,7 +27,7 @@ def about_text(recording: Mapping[str, Any], frames: Mapping[str, pd.DataFrame])
     ]
     if recording["damaged"]:
         lines.append(f"**Damaged**: {recording['frames_lost']:,} frames were lost.")
-    for camera in frames["cameras"].to_dict("records"):
+    for camera in _records(frames["cameras"]):
         lines.append(f"## Camera {markdown_safe(camera['camera'])}")
         lines.append(_lens_text(camera))
         lines.append(_pose_text(camera))
@@ -79,15 +79,21 @@ def tracks_text(track_heights: pd.DataFrame) -> str:
         "| track | frames | depth m | height m (95 %) | method |",
         "|--:|--:|--:|--:|:--|",
     ]
-    for row in best.head(MAX_ROWS).itertuples():
+    for row in _records(best.head(MAX_ROWS)):
         height = ""
-        if row.height_m == row.height_m and row.height_m is not None:
-            height = f"{row.height_m:.2f} ± {1.96 * row.height_std_m:.2f}"
-            height += " assumed" if row.height_assumed else ""
-        depth = f"{row.depth_min_m:.1f} to {row.depth_max_m:.1f}"
+        if pd.notna(row["height_m"]):
+            height = f"{row['height_m']:.2f} ± {1.96 * row['height_std_m']:.2f}"
+            height += " assumed" if row["height_assumed"] else ""
+        depth = f"{row['depth_min_m']:.1f} to {row['depth_max_m']:.1f}"
         lines.append(
-            f"| #{row.track_id} | {row.observation_count:,} | {depth} | {height} | {row.method} |"
+            f"| #{row['track_id']} | {row['observation_count']:,} | {depth} | {height} "
+            f"| {row['method']} |"
         )
     if len(best) > MAX_ROWS:
         lines.append(f"\n{len(best) - MAX_ROWS:,} more are in the database.")
     return "\n".join(lines)
+
+
+def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return rows as dictionaries by column name."""
+    return [{str(k): v for k, v in row.items()} for row in frame.to_dict("records")]

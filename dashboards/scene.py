@@ -59,8 +59,10 @@ class Pose:
         """Return the pose of a row of the table `cameras`; unknown is level, at the origin."""
         if camera["camera_height_m"] is None:
             return cls(0.0, 0.0, 0.0, False)
-        numbers = (camera[n] for n in ("camera_height_m", "tilt_rad", "roll_rad"))
-        return cls(*(float(n) for n in numbers), True)  # type: ignore[arg-type]
+        height_m, tilt_rad, roll_rad = (
+            float(str(camera[name])) for name in ("camera_height_m", "tilt_rad", "roll_rad")
+        )
+        return cls(height_m, tilt_rad, roll_rad, True)
 
     def world_from_camera(self) -> npt.NDArray[np.float64]:
         """Return the rotation (3, 3) of camera axes (x right, y down, z ahead) into the world."""

@@ -100,7 +100,7 @@ def _connect(process: subprocess.Popen[bytes], port: int) -> ViewerClient:
             client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
             if client.get_state().views:
                 return client
-        except Exception:  # noqa: BLE001, S110  (the client's errors have no common type)
+        except Exception:  # noqa: S110  (the client's errors have no common type)
             pass
         time.sleep(0.3)
     raise RuntimeError("the Rerun viewer does not answer")

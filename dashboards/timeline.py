@@ -13,7 +13,6 @@ Pictures pass through undecoded. Everything is sent as columns; nothing is logge
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,7 +78,7 @@ def write_timeline(
         _log_images(images)
         _log_diagnostics(frames["diagnostics"])
     stream.disconnect()
-    os.replace(part, target)
+    part.replace(target)
     layout.save("stadimeter", str(target.with_suffix(".rbl")))
 
 
@@ -238,7 +237,7 @@ def _log_curves(view: CameraView, seen: pd.DataFrame, estimates: pd.DataFrame) -
             tracks: Iterable[tuple[str, int, pd.DataFrame]] = [("all", 0, of_method)]
         else:
             chosen = of_method[of_method["track_id"].isin(longest)]
-            tracks = ((f"#{t}", int(t), group) for t, group in chosen.groupby("track_id"))
+            tracks = ((f"#{t}", int(str(t)), group) for t, group in chosen.groupby("track_id"))
         for label, number, track in tracks:
             colour = colours_of(np.array([number]))[0]
             title = method if one_by_one else label
@@ -292,9 +291,7 @@ def _log_exposure(name: str, times: pd.DataFrame) -> None:
             continue
         entity = path(name, "exposure", column)
         rr.log(entity, rr.SeriesLines(names=[title]), static=True)
-        rr.send_columns(
-            entity, _index(known), rr.Scalars.columns(scalars=known[column].to_numpy())
-        )
+        rr.send_columns(entity, _index(known), rr.Scalars.columns(scalars=known[column].to_numpy()))
 
 
 def _log_images(images: Iterable[StillEncoded]) -> None:

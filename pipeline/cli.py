@@ -189,7 +189,7 @@ def _start_time_ns(arguments: argparse.Namespace) -> int:
     if arguments.start_time is None:
         if not arguments.video.is_file():
             raise UsageError(f"{arguments.video}: there is no such file")
-        return arguments.video.stat().st_mtime_ns  # type: ignore[no-any-return]
+        return arguments.video.stat().st_mtime_ns
     try:
         start = datetime.fromisoformat(arguments.start_time)
     except ValueError as error:
@@ -200,7 +200,8 @@ def _start_time_ns(arguments: argparse.Namespace) -> int:
 
 def _add_estimate(commands: Commands[argparse.ArgumentParser]) -> None:
     parser = commands.add_parser(
-        "estimate", help="estimate stored recordings again, with another camera file; reads no image"
+        "estimate",
+        help="estimate stored recordings again, with another camera file; reads no image",
     )
     _add_db(parser)
     parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")

@@ -109,8 +109,10 @@ class EstimateConfig:
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """What is known of a camera beside its recordings; NaN is unknown. It fills, never overrides,
-    what a recording says, except for the pose, which a recording seldom has."""
+    """What is known of a camera beside its recordings; NaN is unknown.
+
+    It fills, and never overrides, what a recording says.
+    """
 
     name: str
     focal_length_mm: float = NAN

@@ -47,7 +47,7 @@ def demo(
                 _print_pose(store, recording_id)
                 print_tracks(store, recording_id, f"{outcome.path.name}: who walked where")
     print_run(result, database)
-    out.print(f'next      stadimeter query --db {safe(database)} --view accuracy.by_aperture')
+    out.print(f"next      stadimeter query --db {safe(database)} --view accuracy.by_aperture")
     return result.stored, result.failed, result.damaged
 
 

@@ -1,6 +1,6 @@
 """Pass 1: the pixels of one recording, touched once. Out come columns; no picture is needed again.
 
-    ingest -> decode (threads, ahead) -> detect -> track -> measure -> Parquet parts
+ingest -> decode (threads, ahead) -> detect -> track -> measure -> Parquet parts
 """
 
 from __future__ import annotations
@@ -308,7 +308,7 @@ class FirstPass:
 
     def _camera_row(self, stage: CameraStage) -> pa.Table:
         intrinsics = stage.intrinsics
-        row = {name: None for name in CAMERAS.names} | {
+        row = dict.fromkeys(CAMERAS.names) | {
             "camera": stage.camera,
             "topic": stage.topic,
             "frame_id": self.assembler.frame_ids.get(stage.camera),
@@ -340,7 +340,9 @@ def _with_light(rows: list[dict[str, object]]) -> pa.Table:
         for name in ("f_number", "exposure_time_s", "iso_speed")
     ]
     columns["ev100"] = exposure_value_100(*settings).tolist()
-    columns["scene_luminance_cd_m2"] = scene_luminance_cd_m2(*settings).tolist()
+    columns["scene_luminance_cd_m2"] = scene_luminance_cd_m2(
+        settings[0], settings[1], settings[2]
+    ).tolist()
     return as_table(columns, FRAMES)
 
 

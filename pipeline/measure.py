@@ -102,7 +102,8 @@ def _occlusion(bbox: FloatArray) -> FloatArray:
     tall = np.minimum(y1[:, None], y1) - np.maximum(y0[:, None], y0)
     shared = np.clip(wide, 0, None) * np.clip(tall, 0, None)
     nearer = y1[None, :] > y1[:, None]
-    return np.minimum((shared * nearer).sum(axis=1) / ((x1 - x0) * (y1 - y0)), 1.0)
+    covered = (shared * nearer).sum(axis=1) / ((x1 - x0) * (y1 - y0))
+    return np.asarray(np.minimum(covered, 1.0))
 
 
 def _luminance(picture: Picture | None, boxes: Boxes) -> FloatArray:

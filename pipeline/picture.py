@@ -66,13 +66,13 @@ def decode(image: bytes, *, max_pixels: int, full_resolution: bool = False) -> P
     if bgr is None:
         raise UndecodableImage("the picture's data are damaged")
     luminance, clipped = _brightness(bgr)
-    return Picture(width_px, height_px, bgr, reduction, luminance, clipped)  # type: ignore[arg-type]
+    return Picture(width_px, height_px, bgr, reduction, luminance, clipped)
 
 
 def image_size(image: bytes) -> tuple[int, int] | None:
     """Return width and height as the header states them, without decoding; None for no picture."""
     if image[:8] == b"\x89PNG\r\n\x1a\n" and len(image) >= 24:
-        return struct.unpack(">II", image[16:24])  # type: ignore[return-value]
+        return struct.unpack(">II", image[16:24])
     if image[:2] == b"\xff\xd8":
         return _jpeg_size(image)
     if image[:4] == b"RIFF" and image[8:12] == b"WEBP":
@@ -129,9 +129,7 @@ def _luminance_tables() -> npt.NDArray[np.float64]:
 def relative_luminance_of(bgr: Image) -> npt.NDArray[np.float64]:
     """Return the relative luminance, linear light, of pixels (..., 3) (Eq. 15)."""
     tables = _luminance_tables()
-    return np.asarray(
-        tables[bgr[..., 0], 0] + tables[bgr[..., 1], 1] + tables[bgr[..., 2], 2]
-    )
+    return np.asarray(tables[bgr[..., 0], 0] + tables[bgr[..., 1], 1] + tables[bgr[..., 2], 2])
 
 
 def _brightness(bgr: npt.NDArray[np.uint8] | cv2.typing.MatLike) -> tuple[float, float]:

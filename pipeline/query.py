@@ -43,7 +43,9 @@ def write_csv(table: pa.Table, stream: TextIO) -> None:
     nested = [i for i, f in enumerate(table.schema) if pa.types.is_nested(f.type)]
     for index in nested:  # CSV has no lists
         texts = [None if v is None else json.dumps(v) for v in table.column(index).to_pylist()]
-        table = table.set_column(index, table.schema.field(index).name, pa.array(texts, pa.string()))
+        table = table.set_column(
+            index, table.schema.field(index).name, pa.array(texts, pa.string())
+        )
     sink = pa.BufferOutputStream()
     pa.csv.write_csv(table, sink)
     stream.write(sink.getvalue().to_pybytes().decode())
@@ -68,4 +70,6 @@ def write_parquet(table: pa.Table, path: Path) -> None:
     try:
         pa.parquet.write_table(table, path)
     except OSError as error:
-        raise UsageError(f"cannot be written: {error.strerror or error}", where=Where(path)) from error
+        raise UsageError(
+            f"cannot be written: {error.strerror or error}", where=Where(path)
+        ) from error

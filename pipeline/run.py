@@ -21,12 +21,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-
 from pipeline import __version__
 from pipeline.config import Config
-from pipeline.errors import StadimeterError, StoreError, Where
 from pipeline.diagnostics import Notes
+from pipeline.errors import StadimeterError, StoreError, Where
 from pipeline.first_pass import measure_recording
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.mcap_records import McapFile
@@ -168,9 +166,7 @@ def _measure_in_process(path: Path, config: Config, folder: Path, queue: Any) ->
     return _measure(path, config, folder, threads=1, report=queue.put)
 
 
-def _measure(
-    path: Path, config: Config, folder: Path, *, threads: int, report: Report
-) -> Outcome:
+def _measure(path: Path, config: Config, folder: Path, *, threads: int, report: Report) -> Outcome:
     try:
         row = measure_recording(path, config, folder, threads=threads, report=report)
     except StadimeterError as error:

@@ -1,6 +1,6 @@
 """Pass 2: the columns of one stored recording become depths and heights. No picture is read.
 
-    stored measurements -> pose of the camera -> every method that applies -> estimates
+stored measurements -> pose of the camera -> every method that applies -> estimates
 """
 
 from __future__ import annotations
@@ -49,9 +49,7 @@ def _pose(measured: Measured, config: Config, notes: list[Diagnostic]) -> Ground
         plane, report = calibrate_from_walkers(measured, prior)
     except CalibrationUndetermined as error:
         notes.append(
-            Diagnostic(
-                Severity.INFO, "pose_undetermined", error.problem, camera=measured.camera
-            )
+            Diagnostic(Severity.INFO, "pose_undetermined", error.problem, camera=measured.camera)
         )
         return None
     notes.append(_describe(measured.camera, plane, report))

@@ -10,12 +10,6 @@ from pipeline.records import Pairing, Severity
 from pipeline.run import RunResult
 from pipeline.store.database import Store
 
-# Which method's number is shown where there are several: the one that needs the least assumed.
-BEST_METHOD = """
-    CASE method WHEN 'fused' THEN 0 WHEN 'ground' THEN 1 WHEN 'defocus' THEN 2
-        WHEN 'aperture' THEN 3 WHEN 'inverse' THEN 4 ELSE 5 END
-"""
-
 
 def print_run(result: RunResult, database: Path) -> None:
     """Print what became of each recording, the damage, and where the results are."""
@@ -23,16 +17,18 @@ def print_run(result: RunResult, database: Path) -> None:
     for outcome in result.outcomes:
         row = outcome.recording
         if row is not None:
-            lost = f"{row.frames_lost:,}" if row.frames_lost else ""
+            missing = f"{row.frames_lost:,}" if row.frames_lost else ""
             state = "damaged" if row.damaged else ""
-            rows.append([outcome.path.name, f"{row.frame_count:,}", lost, state])
+            rows.append([outcome.path.name, f"{row.frame_count:,}", missing, state])
     if rows:
         print_rows("Recordings", ("file", "frames", "lost", ""), rows)
     for outcome in result.failed:
         err.print(f"stadimeter: {safe(outcome.error)}", soft_wrap=True)
     if result.damaged:
         lost = sum(o.recording.frames_lost for o in result.damaged if o.recording is not None)
-        out.print(f"{lost:,} frames were lost to damage; see the table diagnostics:", style="yellow")
+        out.print(
+            f"{lost:,} frames were lost to damage; see the table diagnostics:", style="yellow"
+        )
         with Store.open(database, read_only=True) as store:
             print_damage(store, result.run_id)
     out.print(f"database  {safe(database)}", soft_wrap=True)
@@ -45,7 +41,8 @@ def print_damage(store: Store, run_id: str) -> None:
     """Print the first diagnostics of a run that say what was lost."""
     found = store.query(
         "SELECT file_name, byte_offset, topic, count, message FROM diagnostics "
-        f"WHERE run_id = '{run_id}' AND severity = 'error' LIMIT 10"  # our own hexadecimal name
+        "WHERE run_id = ? AND severity = 'error' LIMIT 10",
+        [run_id],
     )
     for row in found.to_pylist():
         place = f" byte {row['byte_offset']:,}" if row["byte_offset"] is not None else ""
@@ -57,14 +54,21 @@ def print_damage(store: Store, run_id: str) -> None:
 def print_tracks(store: Store, recording_id: str, title: str) -> int:
     """Print the tracks of a recording: where, how tall, by the best method; return how many."""
     best = store.query(
-        f"""
+        """
         SELECT track_id, camera, method, height_m, height_std_m, height_assumed, depth_min_m,
             depth_median_m, depth_max_m, observation_count
         FROM track_heights SEMI JOIN main.current_run USING (recording_id, run_id)
-        WHERE recording_id = '{recording_id}'
-        QUALIFY row_number() OVER (PARTITION BY camera, track_id ORDER BY {BEST_METHOD}) = 1
+        WHERE recording_id = ?
+        QUALIFY row_number() OVER (
+            PARTITION BY camera, track_id
+            -- the number that assumes the least
+            ORDER BY list_position(
+                ['fused', 'ground', 'defocus', 'aperture', 'inverse', 'size'], method
+            )
+        ) = 1
         ORDER BY camera, track_id
-        """
+        """,
+        [recording_id],
     ).to_pylist()
     rows = []
     for track in best:
@@ -127,7 +131,9 @@ def _print_camera(camera: CameraSurvey) -> None:
             f" px, centre {k.cx_px:.1f}, {k.cy_px:.1f}, distortion "
             f"{safe(k.distortion_model or 'none')}"
         )
-    paired = ", ".join(f"{count:,} {pairing}" for pairing, count in camera.exposure_pairings.items())
+    paired = ", ".join(
+        f"{count:,} {pairing}" for pairing, count in camera.exposure_pairings.items()
+    )
     if set(camera.exposure_pairings) != {Pairing.NONE}:
         out.print(f"  exposure paired by time: {paired}")
     for name, (low, high) in camera.exposure_ranges.items():

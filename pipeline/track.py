@@ -21,7 +21,9 @@ from pipeline.records import TRACKS, Boxes, FloatArray, IntArray
 # large and small pictures, are treated alike.
 # A walker passes 0.8 body heights a second (1.4 m/s), a runner twice that.
 SPEED_STD = 1.0  # body heights a second, of a new track
-ACCELERATION_STD = 0.6  # body heights a second squared: 1 m/s2, setting off or stopping within 1.5 s
+ACCELERATION_STD = (
+    0.6  # body heights a second squared: 1 m/s2, setting off or stopping within 1.5 s
+)
 # The height in the picture changes only as the person comes nearer; the width also with every stride.
 HEIGHT_CHANGE_STD = 0.08  # of the height, in a second
 WIDTH_CHANGE_STD = 0.3

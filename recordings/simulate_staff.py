@@ -171,9 +171,7 @@ def _background(width: int, height: int, noise: np.random.Generator) -> npt.NDAr
     return image
 
 
-def _draw_staff(
-    image: npt.NDArray[np.float32], left: float, width: float, per_cm: float
-) -> None:
+def _draw_staff(image: npt.NDArray[np.float32], left: float, width: float, per_cm: float) -> None:
     """Draw an aluminium staff: bright edges, a white face, an E-pattern and a figure every 10 cm."""
     height = image.shape[0]
     right = left + width
@@ -189,7 +187,14 @@ def _draw_staff(
         if cm % 2 == 0:
             _fill(image, face_left, face_left + wide * face_width, top, top + per_cm, (0.03,) * 3)
         if cm % 10 == 0:
-            _fill(image, face_left, face_left + 0.9 * face_width, top, top + 0.12 * per_cm, (0.03,) * 3)
+            _fill(
+                image,
+                face_left,
+                face_left + 0.9 * face_width,
+                top,
+                top + 0.12 * per_cm,
+                (0.03,) * 3,
+            )
             text = str(abs(40 - cm // 10))
             at = (round(face_left + 0.62 * face_width), round(top - 0.6 * per_cm))
             _write_text(image, text, at, 0.28 * face_width)
@@ -206,7 +211,9 @@ def _write_text(
     cv2.putText(mask, text, at, font, size, (255,), max(1, round(2 * size)), cv2.LINE_AA)
     rows, columns = np.nonzero(mask)
     share = mask[rows, columns, None] / np.float32(255)
-    image[rows, columns] += share * (np.array([0.05, 0.05, 0.45], np.float32) - image[rows, columns])
+    image[rows, columns] += share * (
+        np.array([0.05, 0.05, 0.45], np.float32) - image[rows, columns]
+    )
 
 
 def _fill(
@@ -272,9 +279,7 @@ def write(path: Path) -> None:
 def _write_photo(
     writer: RecordingWriter, photo: Photo, time_ns: int, noise: np.random.Generator
 ) -> None:
-    _, jpeg = cv2.imencode(
-        ".jpg", render(photo, noise), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-    )
+    _, jpeg = cv2.imencode(".jpg", render(photo, noise), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     stamp, name = timestamp(time_ns), {"frame_id": CAMERA}
     topic = f"/{CAMERA}"
     writer.write(f"{topic}/image", image_message(jpeg.tobytes(), "jpeg", time_ns, CAMERA), time_ns)

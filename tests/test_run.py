@@ -152,9 +152,7 @@ def test_an_undecodable_picture_costs_that_picture_only(tmp_path: Path) -> None:
     assert notes[0]["byte_offset"] > 0
 
 
-def test_a_file_that_is_no_recording_does_not_stop_the_others(
-    people: Path, tmp_path: Path
-) -> None:
+def test_a_file_that_is_no_recording_does_not_stop_the_others(people: Path, tmp_path: Path) -> None:
     bad, empty, db = tmp_path / "bad.mcap", tmp_path / "empty.mcap", tmp_path / "x.duckdb"
     bad.write_bytes(jpeg())
     empty.touch()

@@ -47,7 +47,9 @@ MAX_TILT_ERROR_RAD = np.deg2rad(3.0)
 MAX_DEVIATION = 2.6
 MAX_REJECTIONS = 4
 TILTS_RAD = np.deg2rad([2.0, 8.0, 15.0, 25.0, 35.0, 50.0])
-ROLL_STD_RAD = np.deg2rad(5.0)  # cameras are put up upright; nothing else holds roll in a narrow view
+ROLL_STD_RAD = np.deg2rad(
+    5.0
+)  # cameras are put up upright; nothing else holds roll in a narrow view
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +129,9 @@ def _sample(measured: Measured, prior: SizePrior) -> _Sample:
     empty = _Sample(*(np.empty((0, 2)),) * 2, np.empty(0), np.empty(0, np.intp), np.empty(0))
     if measured.intrinsics is None or not usable.any():
         return empty
-    rows, tracks, weights = [], [], []
+    rows: list[npt.NDArray[np.intp]] = []
+    tracks: list[npt.NDArray[np.intp]] = []
+    weights: list[FloatArray] = []
     for track_id in np.unique(measured.track_id[usable]):
         mine = np.flatnonzero(usable & (measured.track_id == track_id))
         if len(mine) < MIN_OBSERVATIONS:
@@ -262,7 +266,9 @@ def _covariance(fit: OptimizeResult, sample: _Sample, prior: SizePrior) -> Float
     rows = len(sample.track)
     residual = fit.fun[:rows]
     freedom = max(sample.weight.sum() - 3 - sample.people, 1.0)
-    covariance = covariance * max(float((np.minimum(np.abs(residual), 3) ** 2).sum() / freedom), 1.0)
+    covariance = covariance * max(
+        float((np.minimum(np.abs(residual), 3) ** 2).sum() / freedom), 1.0
+    )
     above_m = float(np.exp(fit.x[0]))
     scale = np.diag([above_m, 1.0, 1.0])
     covariance = scale @ covariance @ scale
@@ -286,5 +292,3 @@ def _report(
         tilt_std_rad=float(std[1]),
         roll_std_rad=float(std[2]),
     )
-
-

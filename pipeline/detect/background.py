@@ -44,9 +44,9 @@ class Background:
         self._freeze()
 
     def _freeze(self) -> None:
-        self.mean_u8: Image = cv2.convertScaleAbs(self._mean)  # type: ignore[assignment]
+        self.mean_u8: Image = cv2.convertScaleAbs(self._mean)
         limit = cv2.convertScaleAbs(self._spread, alpha=SPREADS)
-        self._limit: Image = cv2.max(limit, MIN_DIFFERENCE)  # type: ignore[assignment]
+        self._limit: Image = cv2.max(limit, MIN_DIFFERENCE)
 
     def difference(self, picture: Image) -> Image:
         """Return the largest difference of a pixel's channels, (h, w), brightness changes removed."""
@@ -55,7 +55,7 @@ class Background:
 
     def foreground(self, difference: Image) -> Image:
         """Return 255 where a difference is more than noise, else 0."""
-        return cv2.compare(difference, self._limit, cv2.CMP_GT)  # type: ignore[return-value]
+        return cv2.compare(difference, self._limit, cv2.CMP_GT)
 
     def _relit(self, picture: Image) -> Image:
         """Return the background at the brightness of this picture (clouds, automatic exposure)."""
@@ -65,7 +65,7 @@ class Background:
         gain = float(np.median((now + 8) / (then + 8)))
         if abs(gain - 1.0) < 0.01:
             return self.mean_u8
-        return cv2.convertScaleAbs(self.mean_u8, alpha=gain)  # type: ignore[return-value]
+        return cv2.convertScaleAbs(self.mean_u8, alpha=gain)
 
     def remove_shadow(self, picture: Image, foreground: Image) -> None:
         """Clear the foreground where it is ground in shadow: darker, same colour, no texture.
@@ -108,7 +108,7 @@ class Background:
 def _largest(image: Image | cv2.typing.MatLike) -> Image:
     """Return the largest of the three channels, (h, w)."""
     blue, green, red = cv2.split(image)
-    return cv2.max(cv2.max(blue, green), red)  # type: ignore[return-value]
+    return cv2.max(cv2.max(blue, green), red)
 
 
 def _remedian(images: list[Image]) -> Image:
@@ -128,7 +128,7 @@ def _median_of_5(images: list[Image]) -> Image:
     a, b, c, d, e = images
     low = cv2.max(cv2.min(a, b), cv2.min(c, d))
     high = cv2.min(cv2.max(a, b), cv2.max(c, d))
-    return cv2.max(cv2.min(e, low), cv2.min(cv2.max(e, low), high))  # type: ignore[return-value]
+    return cv2.max(cv2.min(e, low), cv2.min(cv2.max(e, low), high))
 
 
 def _scaled_alike(now: Image, then: Image) -> tuple[FloatImage, npt.NDArray[np.bool_]]:

@@ -61,4 +61,4 @@ def estimate(geometry: Geometry) -> Estimated:
 
 def _quadratic(jacobian: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Return j C j^T of each row."""
-    return np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)
+    return np.asarray(np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian))

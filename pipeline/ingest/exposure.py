@@ -54,5 +54,3 @@ def check_exposure(values: Mapping[str, float]) -> tuple[Exposure, list[str]]:
 
 def _range(low: float, high: float) -> str:
     return f"at least {low:g}" if math.isinf(high) else f"{low:g} to {high:g}"
-
-

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -60,7 +59,7 @@ class RecordingWriter:
             self._writer.finish()
         self._stream.close()
         if error is None:
-            os.replace(self._part, self.path)
+            self._part.replace(self.path)
         else:
             self._part.unlink(missing_ok=True)
 
@@ -94,7 +93,7 @@ class RecordingWriter:
         schema_id = self._schemas.get(descriptor.full_name)
         if schema_id is None:
             files = FileDescriptorSet()
-            for file in _with_dependencies(descriptor.file):
+            for file in _with_dependencies(descriptor.file):  # type: ignore[arg-type]
                 file.CopyToProto(files.file.add())
             schema_id = self._writer.register_schema(
                 name=descriptor.full_name,

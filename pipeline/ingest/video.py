@@ -118,7 +118,7 @@ def _images(capture: cv2.VideoCapture) -> Iterator[Image]:
 def _scaled(image: Image, scale: float) -> Image:
     if scale == 1.0:
         return image
-    return cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
+    return cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
 
 
 def _write_frame(

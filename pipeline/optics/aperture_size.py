@@ -110,7 +110,10 @@ def depth_eq16_m(
 
 
 def implied_k(
-    depth_m: ArrayLike, size_on_sensor_mm: ArrayLike, focal_length_mm: ArrayLike, f_number: ArrayLike
+    depth_m: ArrayLike,
+    size_on_sensor_mm: ArrayLike,
+    focal_length_mm: ArrayLike,
+    f_number: ArrayLike,
 ) -> Floats:
     """Return the k with which Eq. 16, focused at infinity, gives a depth: k = d o / (10 f a_R)."""
     d_mm = np.asarray(depth_m, dtype=np.float64) * 1e3

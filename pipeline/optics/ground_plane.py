@@ -40,7 +40,9 @@ def foot_depth_m(camera_height_m: ArrayLike, tilt_rad: ArrayLike, y_foot: ArrayL
         return np.where(slope > 0, np.asarray(camera_height_m, float) / slope, np.nan)
 
 
-def height_m(depth_m: ArrayLike, y_foot: ArrayLike, y_head: ArrayLike, tilt_rad: ArrayLike) -> Floats:
+def height_m(
+    depth_m: ArrayLike, y_foot: ArrayLike, y_head: ArrayLike, tilt_rad: ArrayLike
+) -> Floats:
     """Return H of a vertical object that stands at depth Z."""
     y_f, y_h = np.asarray(y_foot, dtype=np.float64), np.asarray(y_head, dtype=np.float64)
     across = np.cos(tilt_rad) - y_h * np.sin(tilt_rad)

@@ -142,8 +142,9 @@ class PinholeCamera:
         return xy.reshape(bent.shape)
 
     def _jacobian(self, xy: Floats) -> tuple[Floats, Floats]:
-        dx = (self._distort(xy + [_STEP, 0]) - self._distort(xy - [_STEP, 0])) / (2 * _STEP)
-        dy = (self._distort(xy + [0, _STEP]) - self._distort(xy - [0, _STEP])) / (2 * _STEP)
+        right, down = np.array([_STEP, 0.0]), np.array([0.0, _STEP])
+        dx = (self._distort(xy + right) - self._distort(xy - right)) / (2 * _STEP)
+        dy = (self._distort(xy + down) - self._distort(xy - down)) / (2 * _STEP)
         return dx, dy
 
     def _determinant(self, xy: Floats) -> Floats:

@@ -313,8 +313,10 @@ class Store:
         """Return all recordings."""
         return self._connection.sql("FROM recordings ORDER BY file_name").to_arrow_table()
 
-    def query(self, sql: str) -> pa.Table:
+    def query(self, sql: str, parameters: Sequence[object] = ()) -> pa.Table:
         """Return the result of one statement that a user wrote; it cannot change anything.
+
+        Each `?` in it stands for a parameter.
 
         Raises:
             UsageError: DuckDB does not accept it, or it is not one statement.
@@ -324,7 +326,7 @@ class Store:
             if len(cursor.extract_statements(sql)) != 1:
                 raise UsageError("one SQL statement is needed", remedy="Run them one by one")
             cursor.execute("BEGIN TRANSACTION READ ONLY")
-            relation = cursor.sql(sql)
+            relation = cursor.sql(sql, params=list(parameters) or None)
             if relation is None:
                 raise UsageError("the statement has no rows to show", remedy="Give a SELECT")
             return relation.to_arrow_table()
