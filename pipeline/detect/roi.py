@@ -18,8 +18,14 @@ from pipeline.records import Boxes, FloatArray, Frame
 
 # The border of the region that is taken to be background, as a share of its side.
 BORDER = 0.05
+# Lines to either side of where the contrast begins that belong to the step: a lens and JPEG spread an
+# edge over two or three pixels.
+REACH = 3
 # The profile must rise above the spread of the border by this factor, or there is no object.
 CONTRAST = 5.0
+# The object begins where this share of its greatest contrast is reached: a wall's texture is less, a
+# metal rim is more.
+SHARE = 0.2
 
 
 class RoiDetector:
@@ -71,29 +77,33 @@ def _ordered(roi: tuple[float, ...]) -> bool:
 def _ends(lines: FloatArray) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Return position and standard deviation of the first and last edge over lines (n, m).
 
-    `lines[i]` is one line across the axis along which the object begins and ends. An edge is where
-    the contrast crosses half of the object's median contrast.
+    `lines[i]` is one line across the axis along which the object begins and ends. An edge is the
+    middle of the step in contrast where the object first, and last, stands out from the border.
     """
     count = len(lines)
     border = max(1, round(BORDER * count))
     edge_lines = np.concatenate([lines[:border], lines[-border:]])
     contrast = np.abs(lines - np.median(edge_lines, axis=0)).mean(axis=1)
-    noise = contrast[:border].tolist() + contrast[-border:].tolist()
+    noise = np.concatenate([contrast[:border], contrast[-border:]])
     floor, spread = float(np.median(noise)), float(np.std(noise)) + 1e-4
-    inside = contrast > floor + CONTRAST * spread
-    if inside.sum() < 3 or inside[0] or inside[-1]:
+    step = max(CONTRAST * spread, SHARE * float(contrast.max() - floor))
+    inside = np.flatnonzero(contrast > floor + step)
+    if len(inside) < 3 or inside[0] < border or inside[-1] >= count - border:
         return None
-    level = (floor + float(np.median(contrast[inside]))) / 2
-    above = np.flatnonzero(contrast >= level)
-    if len(above) == 0 or above[0] == 0 or above[-1] == count - 1:
-        return None
-    return (
-        _crossing(contrast, int(above[0]) - 1, level, spread),
-        _crossing(contrast, int(above[-1]), level, spread),
-    )
+    first = _edge(np.diff(contrast), int(inside[0]) - 1, spread)
+    last = _edge(-np.diff(contrast), int(inside[-1]), spread)
+    return first, last
 
 
-def _crossing(contrast: FloatArray, at: int, level: float, noise: float) -> tuple[float, float]:
-    """Return where the profile crosses `level` between `at` and `at + 1`, and how surely."""
-    rise = float(contrast[at + 1] - contrast[at])
-    return at + (level - float(contrast[at])) / rise, noise / abs(rise)
+def _edge(rise: FloatArray, at: int, noise: float) -> tuple[float, float]:
+    """Return the centre of gravity of the step around `at`, where `rise[i]` is from i to i + 1.
+
+    The standard deviation is that of the centre of gravity when each rise is off by the noise of two
+    lines.
+    """
+    low, high = max(at - REACH, 0), min(at + REACH + 1, len(rise))
+    weight = np.maximum(rise[low:high], 0.0)
+    position = np.arange(low, high) + 0.5
+    centre = float((weight * position).sum() / weight.sum())
+    std = noise * np.sqrt(2 * ((position - centre) ** 2).sum()) / float(weight.sum())
+    return centre, float(std)

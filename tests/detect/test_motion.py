@@ -1,0 +1,79 @@
+"""The motion detector on figures that walk, with shadows, noise and changing light."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.config import DetectConfig
+from pipeline.detect.motion import MotionDetector
+from pipeline.records import Boxes
+from tests.footage import Walker, clip, decoded, frame
+
+ACROSS = Walker((90.0, 300.0), (8.0, 0.5), 120.0)
+FAR = Walker((600.0, 170.0), (-1.5, 0.3), 60.0, (110, 60, 30))
+
+
+def detect(pictures: list[bytes], learn: slice = slice(None)) -> list[Boxes]:
+    detector = MotionDetector(DetectConfig())
+    images = [decoded(p) for p in pictures]
+    detector.learn(images[learn][:25])
+    return [detector.detect(frame(i), image) for i, image in enumerate(images)]
+
+
+def errors(found: list[Boxes], walker: Walker) -> np.ndarray:
+    """Return the edges' errors, (frames, 4), of the box nearest to the walker; NaN for none."""
+    rows = []
+    for index, boxes in enumerate(found):
+        truth = np.array(walker.box(index))
+        middle = (truth[:2] + truth[2:]) / 2
+        row = np.full(4, np.nan)
+        if len(boxes):
+            centres = (boxes.bbox_xyxy_px[:, :2] + boxes.bbox_xyxy_px[:, 2:]) / 2
+            distance = np.hypot(*(centres - middle).T)
+            if distance.min() < 0.4 * walker.tall_px:
+                row = boxes.bbox_xyxy_px[distance.argmin()] - truth
+        rows.append(row)
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("shadow", [False, True])
+def test_boxes_are_tight_at_head_and_feet(shadow: bool) -> None:
+    found = detect(clip([ACROSS, FAR], 40, shadow=shadow))
+    for walker in (ACROSS, FAR):
+        error = errors(found, walker)
+        assert np.isnan(error[:, 0]).mean() < 0.1
+        head, feet = np.nanmedian(error[:, 1]), np.nanmedian(error[:, 3])
+        assert abs(head) < 3.0
+        assert abs(feet) < 3.5
+        assert np.nanstd(error[:, 1]) < 3.0
+
+
+def test_people_are_people_and_stand_out() -> None:
+    found = detect(clip([ACROSS], 30))
+    names = [name for boxes in found for name in boxes.class_name]
+    assert names.count("person") > 0.9 * len(names)
+    assert all((b.score > 0.2).all() and (b.std_px > 0).all() for b in found)
+
+
+def test_an_empty_scene_has_nothing_in_it() -> None:
+    assert sum(len(b) for b in detect(clip([], 30, noise=6.0))) == 0
+
+
+def test_a_cloud_is_no_object() -> None:
+    pictures = clip([], 12)
+    detector = MotionDetector(DetectConfig())
+    images = [decoded(p) for p in pictures]
+    detector.learn(images)
+    for index, image in enumerate(images):
+        image.bgr[:] = (image.bgr * 0.7).astype(np.uint8)
+        assert len(detector.detect(frame(index), image)) == 0
+
+
+def test_a_picture_that_is_missing_or_of_another_size_does_no_harm() -> None:
+    pictures = [decoded(p) for p in clip([ACROSS], 3)]
+    detector = MotionDetector(DetectConfig())
+    detector.learn([])
+    assert len(detector.detect(frame(0), None)) == 0
+    for image in pictures:
+        detector.detect(frame(1), image)
