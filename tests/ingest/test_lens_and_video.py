@@ -1,0 +1,115 @@
+"""What is known of a lens, and a video that becomes a recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.config import CameraConfig, Config
+from pipeline.errors import UsageError
+from pipeline.ingest.lens import fit_to_picture, intrinsics_of, lens_of
+from pipeline.ingest.survey import survey
+from pipeline.ingest.video import UnreadableVideo, VideoImport, import_video
+from pipeline.records import UNKNOWN_EXPOSURE, Intrinsics
+
+RECORDED = Intrinsics(640, 480, 500.0, 510.0, 319.5, 239.5, "plumb_bob", (0.1, 0, 0, 0, 0))
+
+
+def test_a_calibration_follows_the_pictures_size() -> None:
+    fitted = fit_to_picture(RECORDED, 320, 240)
+    assert fitted is not None
+    assert (fitted.fx_px, fitted.fy_px, fitted.cx_px, fitted.cy_px) == (250, 255, 159.5, 119.5)
+    assert fitted.distortion == RECORDED.distortion
+    assert fit_to_picture(RECORDED, 520, 360) is None  # another shape: cropped, one cannot know how
+
+
+def test_a_calibration_of_another_shape_is_not_used_silently() -> None:
+    camera = CameraConfig("c", fx_px=700.0)
+    lens = lens_of(UNKNOWN_EXPOSURE, camera, None, 520, 360)
+    found, source, complaint = intrinsics_of(RECORDED, camera, lens, 520, 360)
+    assert found is not None
+    assert (found.fx_px, source) == (700.0, "camera_file")
+    assert "640x480" in (complaint or "")
+
+
+def test_pixel_pitch_is_that_of_the_stored_picture() -> None:
+    exposure = replace(
+        UNKNOWN_EXPOSURE,
+        focal_length_mm=50.0,
+        pixel_pitch_x_um=3.9,
+        pixel_pitch_y_um=3.9,
+        sensor_width_px=6000.0,
+        sensor_height_px=4000.0,
+    )
+    lens = lens_of(exposure, CameraConfig("c"), None, 1500, 1000)
+    assert lens.pixel_pitch_x_um == pytest.approx(15.6)
+    found, source, _ = intrinsics_of(None, CameraConfig("c"), lens, 1500, 1000)
+    assert found is not None
+    assert found.fx_px == pytest.approx(50e3 / 15.6)
+    assert (found.cx_px, source) == (749.5, "lens_data")
+
+
+def test_lens_data_that_contradict_the_calibration_are_told() -> None:
+    exposure = replace(UNKNOWN_EXPOSURE, focal_length_mm=50.0, pixel_pitch_x_um=3.9)
+    lens = lens_of(exposure, CameraConfig("c"), RECORDED, 640, 480)
+    _, source, complaint = intrinsics_of(RECORDED, CameraConfig("c"), lens, 640, 480)
+    assert source == "recording"
+    assert "12821 px" in (complaint or "")
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> Path:
+    path = tmp_path / "clip.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10.0, (160, 120))
+    for index in range(30):
+        writer.write(np.full((120, 160, 3), 8 * index, np.uint8))
+    writer.release()
+    return path
+
+
+def test_a_video_becomes_a_recording(video: Path, tmp_path: Path) -> None:
+    recording = tmp_path / "r.mcap"
+    camera = CameraConfig(
+        "yard", focal_length_mm=4.0, pixel_pitch_x_um=3.0, pixel_pitch_y_um=3.0, f_number=2.0
+    )
+    options = VideoImport(1_000_000_000, "yard", from_s=1.0, duration_s=1.0, scale=0.5)
+    assert import_video(video, recording, options, camera) == 10
+    found = survey(recording, Config())
+    seen = found.cameras[0]
+    assert (seen.camera, seen.frame_count) == ("yard", 10)
+    assert seen.first_time_ns == 2_000_000_000  # a second into the video
+    assert seen.frame_rate == pytest.approx(10.0)
+    assert seen.intrinsics is not None
+    assert seen.intrinsics.width_px == 80
+    assert seen.intrinsics.fx_px == pytest.approx(4e3 / 3 / 2)
+    assert seen.exposure_ranges["f_number"] == (2.0, 2.0)
+    assert len(found.notes) == 0
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_what_is_no_video_leaves_nothing_behind(tmp_path: Path) -> None:
+    bad, recording = tmp_path / "no.avi", tmp_path / "r.mcap"
+    bad.write_bytes(b"not a video")
+    options = VideoImport(0, "c")
+    with pytest.raises(UnreadableVideo, match=r"no\.avi"):
+        import_video(bad, recording, options, CameraConfig("c"))
+    with pytest.raises(UnreadableVideo, match="no such file"):
+        import_video(tmp_path / "absent.avi", recording, options, CameraConfig("c"))
+    assert [p.name for p in tmp_path.iterdir()] == ["no.avi"]
+
+
+def test_an_excerpt_outside_the_video_is_an_error(video: Path, tmp_path: Path) -> None:
+    options = VideoImport(0, "c", from_s=99.0)
+    with pytest.raises(UnreadableVideo, match="no frame"):
+        import_video(video, tmp_path / "r.mcap", options, CameraConfig("c"))
+    assert not (tmp_path / "r.mcap").exists()
+
+
+def test_a_frame_rate_that_makes_no_sense_is_asked_for(video: Path, tmp_path: Path) -> None:
+    options = VideoImport(0, "c", frame_rate=1e9)
+    with pytest.raises(UsageError, match="--frame-rate"):
+        import_video(video, tmp_path / "r.mcap", options, CameraConfig("c"))
