@@ -14,6 +14,9 @@ import duckdb
 from pipeline.errors import StoreError, Where
 from pipeline.store.schema import SCHEMA_VERSION
 
+# A run's memory is to stay flat: what does not fit (the sorting of a day's rows) goes to disk, in a
+# folder beside the database. Readers take what they need.
+WRITING_MEMORY = "256MB"
 _CONFIG = {
     "autoinstall_known_extensions": "false",
     "autoload_known_extensions": "false",
@@ -35,7 +38,8 @@ def connect(path: Path, *, read_only: bool) -> duckdb.DuckDBPyConnection:
     try:
         if not read_only:
             path.parent.mkdir(parents=True, exist_ok=True)
-        connection = duckdb.connect(str(path), read_only=read_only, config=_CONFIG)
+        config = _CONFIG if read_only else _CONFIG | {"memory_limit": WRITING_MEMORY}
+        connection = duckdb.connect(str(path), read_only=read_only, config=config)
     except (duckdb.Error, OSError) as error:
         raise _explained(str(error), where) from error
     try:

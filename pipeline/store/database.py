@@ -316,6 +316,9 @@ class Store:
     def query(self, sql: str, parameters: Sequence[object] = ()) -> pa.Table:
         """Return the result of one statement that a user wrote; it cannot change anything.
 
+        Ask a store that is open for reading when there are millions of rows: one that is open for
+        writing keeps its memory small (`connection.WRITING_MEMORY`), and exact medians need it.
+
         Each `?` in it stands for a parameter.
 
         Raises:

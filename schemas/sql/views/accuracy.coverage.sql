@@ -17,7 +17,7 @@ tracks AS (
     SELECT
         method, quantity, cluster, nominal, half_width,
         count(*) AS n, count(*) FILTER (abs(z) <= half_width) AS held, sum(std_m) AS std_sum_m,
-        sum(z ** 2 / 2 + ln(std_m)) AS nll_sum
+        sum(z * z / 2 + ln(std_m)) AS nll_sum
     FROM quantities CROSS JOIN levels
     WHERE z IS NOT NULL
     GROUP BY ALL

@@ -42,7 +42,8 @@ errors AS NOT MATERIALIZED (
         } AS key,
         -- One object followed over time: its frames share their errors, so they are one cluster.
         hash(recording_id, camera, track_id) AS cluster,
-        true_depth_m, depth_m, depth_std_m, depth_error_m, depth_z,
+        true_depth_m, depth_m, depth_error_m, depth_z,
+        CASE WHEN depth_z IS NOT NULL THEN depth_std_m END AS depth_std_m,
         CASE
             WHEN depth_m > 0 AND true_depth_m > 0 THEN ln(depth_m / true_depth_m)
         END AS depth_log_ratio,
@@ -59,33 +60,32 @@ measured AS MATERIALIZED (
         key,
         count(depth_error_m) AS depth_count,
         count(*) FILTER (NOT in_calibrated_range) AS out_of_range_count,
-        avg(depth_error_m) AS depth_bias_m,
-        avg(abs(depth_error_m)) AS depth_mae_m,
+        stats.mean(depth_error_m) AS depth_bias_m,
+        stats.mean(abs(depth_error_m)) AS depth_mae_m,
         median(depth_error_m) AS depth_median_error_m,
-        avg(depth_error_m ** 2) AS depth_mse,
+        stats.mean(depth_error_m * depth_error_m) AS depth_mse,
         stddev_samp(depth_error_m) AS depth_error_spread_m,
         quantile_cont(abs(depth_error_m), [0.5, 0.95]) AS depth_abs_quantiles,
-        avg(abs(depth_error_m) / nullif(true_depth_m, 0)) AS depth_abs_rel,
-        avg(depth_error_m ** 2 / nullif(true_depth_m, 0)) AS depth_sq_rel_m,
-        sqrt(avg(depth_log_ratio ** 2)) AS depth_rmse_log,
+        stats.mean(abs(depth_error_m) / nullif(true_depth_m, 0)) AS depth_abs_rel,
+        stats.mean(depth_error_m * depth_error_m / nullif(true_depth_m, 0)) AS depth_sq_rel_m,
+        sqrt(stats.mean(depth_log_ratio * depth_log_ratio)) AS depth_rmse_log,
         100 * stddev_pop(depth_log_ratio) AS depth_silog,
-        avg((abs(depth_log_ratio) < ln(1.25))::INTEGER) AS depth_delta_1,
-        avg((abs(depth_log_ratio) < 2 * ln(1.25))::INTEGER) AS depth_delta_2,
-        avg((abs(depth_log_ratio) < 3 * ln(1.25))::INTEGER) AS depth_delta_3,
+        stats.mean((abs(depth_log_ratio) < ln(1.25))::INTEGER) AS depth_delta_1,
+        stats.mean((abs(depth_log_ratio) < 2 * ln(1.25))::INTEGER) AS depth_delta_2,
+        stats.mean((abs(depth_log_ratio) < 3 * ln(1.25))::INTEGER) AS depth_delta_3,
         stats.known(corr(depth_m, true_depth_m)) AS depth_r,
         var_pop(true_depth_m) FILTER (depth_error_m IS NOT NULL) AS true_depth_variance,
-        avg((abs(depth_z) <= stats.normal_50())::INTEGER) AS depth_coverage_50,
-        avg((abs(depth_z) <= stats.normal_80())::INTEGER) AS depth_coverage_80,
-        avg((abs(depth_z) <= stats.normal_95())::INTEGER) AS depth_coverage_95,
-        2 * stats.normal_95() * avg(depth_std_m) FILTER (depth_z IS NOT NULL)
-            AS depth_interval_width_m,
-        avg(depth_z ** 2 / 2 + ln(depth_std_m)) FILTER (depth_z IS NOT NULL) AS depth_nll,
+        stats.mean((abs(depth_z) <= stats.normal_50())::INTEGER) AS depth_coverage_50,
+        stats.mean((abs(depth_z) <= stats.normal_80())::INTEGER) AS depth_coverage_80,
+        stats.mean((abs(depth_z) <= stats.normal_95())::INTEGER) AS depth_coverage_95,
+        2 * stats.normal_95() * stats.mean(depth_std_m) AS depth_interval_width_m,
+        stats.mean(depth_z * depth_z / 2 + ln(depth_std_m)) AS depth_nll,
         count(height_error_m) AS height_count,
-        avg(height_error_m) AS height_bias_m,
-        avg(abs(height_error_m)) AS height_mae_m,
-        avg(height_error_m ** 2) AS height_mse,
-        100 * avg(abs(height_error_m) / nullif(true_height_m, 0)) AS height_mape_percent,
-        avg((abs(height_z) <= stats.normal_95())::INTEGER) AS height_coverage_95
+        stats.mean(height_error_m) AS height_bias_m,
+        stats.mean(abs(height_error_m)) AS height_mae_m,
+        stats.mean(height_error_m * height_error_m) AS height_mse,
+        100 * stats.mean(abs(height_error_m) / nullif(true_height_m, 0)) AS height_mape_percent,
+        stats.mean((abs(height_z) <= stats.normal_95())::INTEGER) AS height_coverage_95
     FROM errors
     GROUP BY key
 ),
@@ -95,11 +95,11 @@ tracks AS (
         count(depth_error_m) AS depth_n,
         sum(depth_error_m) AS depth_sum,
         sum(abs(depth_error_m)) AS depth_abs,
-        sum(depth_error_m ** 2) AS depth_square,
+        sum(depth_error_m * depth_error_m) AS depth_square,
         count(height_error_m) AS height_n,
         sum(height_error_m) AS height_sum,
         sum(abs(height_error_m)) AS height_abs,
-        sum(height_error_m ** 2) AS height_square
+        sum(height_error_m * height_error_m) AS height_square
     FROM errors
     GROUP BY key, cluster
 ),
