@@ -52,7 +52,7 @@ def paint(image: np.ndarray, walker: Walker, frame: int, *, shadow: bool = False
     cv2.circle(image, _fixed(centre), round(radius * 16), (150, 170, 215), -1, cv2.LINE_AA, 4)
 
 
-def _line(image, start, end, width, colour) -> None:  # noqa: ANN001
+def _line(image, start, end, width, colour) -> None:
     cv2.line(image, _fixed(start), _fixed(end), colour, max(1, round(width)), cv2.LINE_AA, 4)
 
 
@@ -60,7 +60,9 @@ def _fixed(point: tuple[float, float]) -> tuple[int, int]:
     return round(point[0] * 16), round(point[1] * 16)
 
 
-def clip(walkers: list[Walker], frames: int, *, shadow: bool = False, noise: float = 3.0) -> list[bytes]:
+def clip(
+    walkers: list[Walker], frames: int, *, shadow: bool = False, noise: float = 3.0
+) -> list[bytes]:
     """Return JPEGs of the walkers over the ground, with sensor noise."""
     base, random = ground(), np.random.default_rng(5)
     pictures = []

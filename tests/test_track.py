@@ -40,8 +40,12 @@ def follow(paths: list[list[tuple[float, float, float] | None]]) -> list[list[in
 @given(st.integers(0, 10_000))
 def test_people_who_cross_keep_their_numbers(seed: int) -> None:
     random = np.random.default_rng(seed)
-    left = [(100 + 4 * i + random.normal(0, 1), 300 + random.normal(0, 1), 100.0) for i in range(80)]
-    right = [(400 - 4 * i + random.normal(0, 1), 312 + random.normal(0, 1), 104.0) for i in range(80)]
+    left = [
+        (100 + 4 * i + random.normal(0, 1), 300 + random.normal(0, 1), 100.0) for i in range(80)
+    ]
+    right = [
+        (400 - 4 * i + random.normal(0, 1), 312 + random.normal(0, 1), 104.0) for i in range(80)
+    ]
     ids = follow([left, right])
     assert len({row[0] for row in ids}) == 1
     assert len({row[1] for row in ids}) == 1

@@ -33,7 +33,7 @@ def exposure(ms: float, f_number: float, frame_id: str = "cam") -> CameraExposur
     return CameraExposure(timestamp=timestamp(time_ns), frame_id=frame_id, f_number=f_number)
 
 
-def image(ms: float, frame_id: str = "cam"):  # noqa: ANN201
+def image(ms: float, frame_id: str = "cam"):
     return image_message(b"x", "jpeg", START_NS + round(ms * MS), frame_id)
 
 

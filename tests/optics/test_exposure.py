@@ -33,7 +33,9 @@ def test_luminance_weighs_white_with_one_and_green_most() -> None:
 
 
 @given(st.floats(1.0, 32.0), st.floats(1e-4, 10.0), st.floats(50, 12800), st.floats(0.001, 1.0))
-def test_a_pixel_gets_half_the_light_at_each_stop(n: float, t: float, iso: float, l_s: float) -> None:
+def test_a_pixel_gets_half_the_light_at_each_stop(
+    n: float, t: float, iso: float, l_s: float
+) -> None:
     value = exposure.expected_pixel_value(n, t, iso, l_s)
     assert exposure.expected_pixel_value(n * np.sqrt(2), t, iso, l_s) == pytest.approx(value / 2)
     assert exposure.expected_pixel_value(n, 2 * t, iso, l_s) == pytest.approx(2 * value)

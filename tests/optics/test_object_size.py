@@ -89,7 +89,9 @@ def test_deviations_are_those_of_a_simulation() -> None:
     n = 200_000
     o_mm, w_m = random.normal(3.0, 0.04, n), random.normal(1.7, 0.05, n)
     d_m = size.depth_from_size_m(w_m, o_mm, 50.0)
-    stated = size.depth_from_size_std_m(size.depth_from_size_m(1.7, 3.0, 50.0), 3.0, 0.04, 1.7, 0.05)
+    stated = size.depth_from_size_std_m(
+        size.depth_from_size_m(1.7, 3.0, 50.0), 3.0, 0.04, 1.7, 0.05
+    )
     assert stated == pytest.approx(d_m.std(), rel=0.01)
     depth_m = random.normal(20.0, 0.5, n)
     height_m = size.height_exact_m(o_mm, depth_m, 50.0)

@@ -1,0 +1,133 @@
+"""The timeline: what is in the file, and what a viewer shows of it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from dashboards.documents import markdown_safe
+from dashboards.scene import PALETTE, Pose, colours_of, path
+from dashboards.screenshot import viewer
+from pipeline.config import Config
+from pipeline.diagnostics import Notes
+from pipeline.ingest.frames import FrameAssembler
+from pipeline.ingest.mcap_records import McapFile
+from pipeline.ingest.mcap_writer import RecordingWriter, image_message
+from pipeline.optics.ground_plane import project_person
+from pipeline.run import run
+from tests.test_run import LEVEL, START_NS, jpeg, write_people
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def timeline(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("timeline")
+    recording = folder / "people.mcap"
+    write_people(recording)
+    result = run([recording], folder / "x.duckdb", LEVEL, timelines=folder)
+    assert result.outcomes[0].timeline == folder / "people.rrd"
+    return folder / "people.rrd"
+
+
+def entities(recording: Path) -> dict[str, list]:
+    """Return the chunks of a `.rrd` by entity."""
+    found: dict[str, list] = {}
+    for chunk in RrdReader(recording).stream().to_chunks():
+        found.setdefault(str(chunk.entity_path), []).append(chunk.to_record_batch())
+    return found
+
+
+def column(batches: list, ending: str) -> list:
+    values = []
+    for batch in batches:
+        for name in batch.schema.names:
+            if name.endswith(ending):
+                values += batch.column(name).to_pylist()
+    return values
+
+
+def test_the_pictures_pass_through_as_they_are(timeline: Path) -> None:
+    blobs = column(entities(timeline)["/cam/camera/image"], "EncodedImage:blob")
+    assert len(blobs) == 12
+    assert all(bytes(blob[0]) == jpeg() for blob in blobs)
+
+
+def test_boxes_and_curves_are_there_for_every_frame(timeline: Path) -> None:
+    found = entities(timeline)
+    centres = column(found["/cam/camera/tracks"], "Boxes2D:centers")
+    assert [len(c) for c in centres] == [2] * 12
+    labels = column(found["/cam/camera/labels"], "Points2D:labels")
+    assert labels[0][0].startswith("#0\n10.0")
+    for track in ("#0", "#1"):
+        entity = next(e for e in found if e.startswith("/cam/depth/ground/") and track[1] in e[-2:])
+        values = column(found[entity], "Measurements:values")
+        assert [v[0] for v in values if v] == pytest.approx([10.0] * 12)
+
+
+def test_truth_and_text_are_there(timeline: Path) -> None:
+    found = entities(timeline)
+    assert any(e.startswith("/cam/depth/truth/") for e in found)
+    text = column(found["/about"], "TextDocument:text")[0][0]
+    assert "people" in text
+    assert "1.50" in text
+    assert timeline.with_suffix(".rbl").stat().st_size > 0
+    assert not list(timeline.parent.glob("*.part"))
+
+
+def test_names_from_files_cannot_reach_other_entities(tmp_path: Path) -> None:
+    recording = tmp_path / "evil.mcap"
+    name = "../a/b [x](javascript:alert(1)) \x1b[31m"
+    with RecordingWriter(recording) as w:
+        w.write("/i", image_message(jpeg(), "jpeg", START_NS, name), START_NS)
+    run([recording], tmp_path / "x.duckdb", Config(), timelines=tmp_path)
+    found = entities(tmp_path / "evil.rrd")
+    pictures = [e for e in found if e.endswith("/camera/image")]
+    assert len(pictures) == 1
+    assert pictures[0].count("/") - pictures[0].count(r"\/") == 3
+    text = column(found["/about"], "TextDocument:text")[0][0]
+    assert "\x1b" not in text
+    assert "[x](" not in text
+
+
+def test_text_from_files_is_no_markdown() -> None:
+    assert markdown_safe("a*b_[c](d)\n") == r"a\*b\_\[c\]\(d\)?"
+
+
+def test_colours_repeat_only_after_the_palette() -> None:
+    ids = np.arange(len(PALETTE))
+    assert len({tuple(c) for c in colours_of(ids)}) == len(PALETTE)
+
+
+def test_the_scene_agrees_with_the_optics() -> None:
+    """A point on the ground, taken into the camera's axes, falls where the optics project it."""
+    pose = Pose(5.0, 0.3, 0.05, True)
+    foot, _ = project_person(2.0, 15.0, 1.7, 5.0, 0.3, 0.05)
+    in_camera = pose.world_from_camera().T @ (np.array([2.0, 15.0, 0.0]) - [0, 0, 5.0])
+    np.testing.assert_allclose(in_camera[:2] / in_camera[2], foot, atol=1e-12)
+    assert path("a/b", "c").count("/") == 3  # a leading one, an escaped one, a separator
+
+
+@pytest.mark.viewer
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["street", "staff"])
+def test_the_viewer_shows_the_demo_recordings(name: str, tmp_path: Path) -> None:
+    if shutil.which("vulkaninfo") is None and not list(Path("/usr/share/vulkan").glob("icd.d/*")):
+        pytest.skip("no Vulkan driver (Debian: mesa-vulkan-drivers)")
+    recording = ROOT / "recordings" / f"{name}.mcap"
+    run([recording], tmp_path / "x.duckdb", Config(), timelines=tmp_path)
+    with viewer(tmp_path / f"{name}.rrd", size="1280x720") as shown:
+        shown.show_frame(30)
+        picture = cv2.imdecode(np.frombuffer(shown.picture(), np.uint8), cv2.IMREAD_COLOR)
+        reports = shown.reports()
+    assert reports == []
+    left = picture[: picture.shape[0] // 2, : picture.shape[1] // 3]
+    assert left.std() > 20  # the camera's picture is there, not an empty panel
+    config, notes = Config(), Notes()
+    file = McapFile(recording, config.limits, notes.add)
+    assert sum(1 for _ in FrameAssembler(file, config.ingest, notes)) > 30

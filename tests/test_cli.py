@@ -1,0 +1,145 @@
+"""The commands as a user starts them: output, exit codes, messages."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from tests.test_run import write_people
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def stadimeter(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pipeline.cli", *map(str, arguments)]
+    environment = {"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", "HOME": str(cwd)}
+    return subprocess.run(
+        command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120
+    )
+
+
+@pytest.fixture(scope="module")
+def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cli")
+    write_people(folder / "people.mcap")
+    (folder / "level.toml").write_text(
+        '[[camera]]\nname = "cam"\ncamera_height_m = 1.5\ntilt_deg = 0.0\n'
+    )
+    done = stadimeter(
+        "run", "people.mcap", "--db", "x.duckdb", "--camera", "level.toml", cwd=folder
+    )
+    assert done.returncode == 0, done.stderr
+    assert "people.mcap" in done.stdout
+    assert "x.duckdb" in done.stdout
+    return folder
+
+
+def test_queries_in_every_form(workplace: Path) -> None:
+    view = ("query", "--db", "x.duckdb", "--view", "accuracy.by_method")
+    table = stadimeter(*view, cwd=workplace)
+    assert table.returncode == 0
+    assert "ground" in table.stdout
+    csv = stadimeter(*view, "--csv", cwd=workplace).stdout.splitlines()
+    assert csv[0].split(",")[0].strip('"') == "method"
+    rows = [
+        json.loads(line) for line in stadimeter(*view, "--json", cwd=workplace).stdout.splitlines()
+    ]
+    assert {row["method"] for row in rows} == {"ground", "size"}
+    assert stadimeter(*view, "--parquet", "out.parquet", cwd=workplace).returncode == 0
+    assert pq.read_table(workplace / "out.parquet").num_rows == 2
+
+
+def test_the_catalogue_says_what_each_view_answers(workplace: Path) -> None:
+    listed = stadimeter("query", "--db", "x.duckdb", "--list", cwd=workplace).stdout
+    for name in ("accuracy.by_aperture", "paper.k_by_aperture", "observations"):
+        assert name in listed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("query", "--db", "none.duckdb", "SELECT 1"), 1, "no such database"),
+        (("query", "--db", "x.duckdb", "SELEC 1"), 2, "syntax error"),
+        (("query", "--db", "x.duckdb", "--view", "nope"), 2, "no view or table 'nope'"),
+        (("query", "--db", "x.duckdb", "DELETE FROM runs"), 2, "read"),
+        (("query", "--db", "x.duckdb", "COPY runs TO 'stolen.csv'"), 2, ""),
+        (("query", "--db", "x.duckdb"), 2, "one of SQL"),
+        (("run", "absent.mcap", "--db", "y.duckdb"), 1, "absent.mcap"),
+        (("inspect", "absent.mcap"), 2, "no such file"),
+        (("run", "people.mcap", "--camera", "absent.toml"), 2, "absent.toml"),
+        (("import", "absent.avi", "-o", "z.mcap"), 2, "absent.avi"),
+        (("run", "people.mcap", "--workers", "0"), 2, "--workers"),
+    ],
+)
+def test_errors_say_what_and_where(
+    workplace: Path, arguments: tuple[str, ...], code: int, words: str
+) -> None:
+    done = stadimeter(*arguments, cwd=workplace)
+    assert done.returncode == code, done.stderr
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (workplace / "stolen.csv").exists()
+
+
+def test_a_wrong_key_in_the_camera_file_is_named(workplace: Path) -> None:
+    (workplace / "bad.toml").write_text('[[camera]]\nname = "c"\nfocal_lenght_mm = 5.0\n')
+    done = stadimeter("run", "people.mcap", "--camera", "bad.toml", cwd=workplace)
+    assert done.returncode == 2
+    assert "camera[0].focal_lenght_mm" in done.stderr
+    assert "bad.toml" in done.stderr
+
+
+def test_damage_is_exit_code_3_and_the_last_lines_say_how_much(workplace: Path) -> None:
+    write_people(workplace / "broken.mcap", broken=4)
+    done = stadimeter("run", "broken.mcap", "--db", "b.duckdb", cwd=workplace)
+    assert done.returncode == 3
+    assert "1 frames were lost" in done.stdout
+    whole = (workplace / "people.mcap").read_bytes()
+    (workplace / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    done = stadimeter("run", "cut.mcap", "--db", "c.duckdb", cwd=workplace)
+    assert done.returncode in (1, 3)
+    assert "byte" in done.stdout + done.stderr
+
+
+def test_inspect_tells_what_is_there_and_what_is_missing(workplace: Path) -> None:
+    done = stadimeter("inspect", "people.mcap", cwd=workplace)
+    assert done.returncode == 0
+    for words in ("foxglove.CompressedImage", "12 frames", "no f-number", "no damage found"):
+        assert words in done.stdout
+
+
+def test_estimating_again_needs_no_pictures(workplace: Path) -> None:
+    recording = workplace / "people.mcap"
+    hidden = recording.rename(workplace / "hidden")
+    done = stadimeter("estimate", "--db", "x.duckdb", "--label", "again", cwd=workplace)
+    hidden.rename(recording)
+    assert done.returncode == 0
+    assert "1 recordings" in done.stdout
+
+
+def test_help_and_version() -> None:
+    assert stadimeter("--version", cwd=ROOT).stdout.startswith("stadimeter ")
+    for command in ("run", "inspect", "import", "estimate", "query", "demo"):
+        assert stadimeter(command, "--help", cwd=ROOT).returncode == 0
+
+
+@pytest.mark.slow
+def test_the_demo_tells_the_whole_story(tmp_path: Path) -> None:
+    done = stadimeter("demo", "--out", tmp_path / "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for words in (
+        "f/1.8",
+        "paper",
+        "above the ground",
+        "ground",
+        "stadimeter.duckdb",
+        "street.rrd",
+    ):
+        assert words in done.stdout
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert {"stadimeter.duckdb", "staff.rrd", "street.rrd"} <= names
