@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import zlib
 
@@ -67,7 +68,5 @@ def test_what_is_no_picture_is_said_to_be_none(data: bytes) -> None:
 
 @given(st.binary(max_size=200), st.sampled_from(["jpg", "png", "webp"]), st.integers(0, 150))
 def test_any_bytes_decode_or_are_refused(tail: bytes, kind: str, keep: int) -> None:
-    try:
+    with contextlib.suppress(UndecodableImage):
         decode(encoded(kind)[:keep] + tail, max_pixels=10**6)
-    except UndecodableImage:
-        pass

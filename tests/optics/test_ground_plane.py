@@ -47,8 +47,8 @@ def test_jacobians_are_those_of_finite_differences(
         return
 
     def measure(p: np.ndarray) -> np.ndarray:
-        f = ground.remove_roll(foot, p[2]) + [0, p[3]]
-        h = ground.remove_roll(head, p[2]) + [0, p[4]]
+        f = ground.remove_roll(foot, p[2]) + np.array([0, p[3]])
+        h = ground.remove_roll(head, p[2]) + np.array([0, p[4]])
         z = ground.foot_depth_m(p[0], p[1], f[1])
         return np.array([z, ground.height_m(z, f[1], h[1], p[1])])
 
