@@ -56,6 +56,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_inspect(commands)
     _add_import(commands)
+    _add_calibrate(commands)
     _add_estimate(commands)
     _add_query(commands)
     _add_demo(commands)
@@ -196,6 +197,78 @@ def _start_time_ns(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--start-time {arguments.start_time!r} is no ISO 8601 time") from error
     start = start if start.tzinfo else start.replace(tzinfo=UTC)
     return round(start.timestamp() * 1e6) * 1000
+
+
+def _add_calibrate(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "calibrate", help="fit a camera file to truth, or to the people who walk"
+    )
+    parser.add_argument(
+        "recordings", nargs="*", type=Path, metavar="RECORDING", help="run these first"
+    )
+    _add_db(parser)
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="TOML", help="camera file to write"
+    )
+    parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file for the run")
+    parser.add_argument(
+        "--walkers", action="store_true", help="find the camera's pose from people who walk"
+    )
+    parser.add_argument(
+        "--method",
+        action="append",
+        choices=("aperture", "size", "inverse"),
+        help="fit this one (again for more; default: all three)",
+    )
+    parser.add_argument("--robust", action="store_true", help="bisquare fits")
+    parser.add_argument("--folds", type=int, default=5, metavar="N", help="of the k-fold figures")
+    parser.add_argument("--seed", type=int, default=0, help="of the folds")
+    parser.add_argument(
+        "--exclude",
+        action="append",
+        default=[],
+        metavar="OBJECT_ID",
+        help="leave out an object whose truth or box is known to be wrong",
+    )
+    parser.set_defaults(function=_calibrate)
+
+
+def _calibrate(arguments: argparse.Namespace) -> int:
+    from pipeline.calibration_run import (
+        TruthOptions,
+        calibrate_stored_truth,
+        calibrate_stored_walkers,
+    )
+    from pipeline.config import load_config
+    from pipeline.console import out, progress_lines, safe
+    from pipeline.records import Method
+    from pipeline.run import run
+    from pipeline.summary import print_calibrations, print_poses
+
+    if arguments.folds < 2:
+        raise UsageError("--folds must be at least 2")
+    config = load_config(arguments.camera)
+    if arguments.recordings:
+        with progress_lines() as report:
+            result = run(arguments.recordings, arguments.db, config, report=report)
+        for outcome in result.failed:
+            raise outcome.error or StadimeterError(f"{outcome.path} could not be read")
+    if arguments.walkers:
+        poses = calibrate_stored_walkers(arguments.db, arguments.output, config)
+        found = print_poses(poses)
+    else:
+        options = TruthOptions(
+            methods=[Method(m) for m in arguments.method or ("aperture", "size", "inverse")],
+            robust=arguments.robust,
+            folds=arguments.folds,
+            seed=arguments.seed,
+            exclude=frozenset(arguments.exclude),
+        )
+        fitted = calibrate_stored_truth(arguments.db, arguments.output, config, options)
+        found = print_calibrations(fitted)
+    if found:
+        out.print(f"camera file  {safe(arguments.output)}", soft_wrap=True)
+    return DONE if found else FAILED
 
 
 def _add_estimate(commands: Commands[argparse.ArgumentParser]) -> None:

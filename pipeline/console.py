@@ -36,7 +36,8 @@ err = Console(stderr=True, highlight=False)
 
 def safe(text: object) -> str:
     """Return text from a file with control characters made visible and markup disarmed."""
-    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
+    one_line = " ".join(str(text).split("\n"))
+    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in one_line)
     return escape(shown)
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.console import err, out, print_rows, safe
+from pipeline.errors import CalibrationUndetermined
 from pipeline.ingest.survey import CameraSurvey, Survey
-from pipeline.records import Pairing, Severity
+from pipeline.records import Calibration, GroundPlane, Pairing, Severity
 from pipeline.run import RunResult
 from pipeline.store.database import Store
 
@@ -144,3 +147,54 @@ def _print_camera(camera: CameraSurvey) -> None:
         out.print(f"  {camera.detection_count:,} recorded detections")
     for sentence in camera.missing():
         out.print(f"  missing: {sentence}", style="yellow", soft_wrap=True)
+
+
+def print_calibrations(found: Sequence[Calibration]) -> int:
+    """Print fitted parameters with standard errors, and errors in and out of sample."""
+    rows = []
+    for c in found:
+        for p in c.parameters:
+            at = "" if math.isnan(p.f_number) else f"f/{p.f_number:g}"
+            std = "" if math.isnan(p.std_error) else f"± {p.std_error:.2g}"
+            rows.append(
+                [c.camera, c.object_class, c.dimension, c.method, p.name, at, f"{p.value:.5g}", std]
+            )
+    header = ("camera", "class", "side", "method", "parameter", "at", "value", "std error")
+    print_rows("Fitted", header, rows)
+    quality = [
+        [
+            c.method,
+            f"{c.observation_count:,}",
+            f"{c.depth_min_m:.2f}-{c.depth_max_m:.2f}",
+            *(f"{100 * v:.2f}" for v in (c.fit_rmse_m, c.loo_rmse_m, c.kfold_rmse_m)),
+            c.source,
+        ]
+        for c in found
+    ]
+    names = ("method", "rows", "range m", "fit RMSE cm", "leave-one-out cm", "k-fold cm", "source")
+    print_rows("Errors", names, quality)
+    return len(found)
+
+
+def print_poses(
+    results: Sequence[tuple[str, GroundPlane | CalibrationUndetermined]],
+) -> int:
+    """Print the pose of each camera, or why it is not determined; return how many are."""
+    rows = []
+    for camera, result in results:
+        if isinstance(result, CalibrationUndetermined):
+            err.print(f"stadimeter: {safe(camera)}: {safe(result)}", soft_wrap=True)
+            continue
+        height_std_m, tilt_std, roll_std = (1.96 * v**0.5 for v in result.covariance.diagonal())
+        rows.append(
+            [
+                camera,
+                f"{result.camera_height_m:.2f} ± {height_std_m:.2f}",
+                f"{math.degrees(result.tilt_rad):.2f} ± {math.degrees(tilt_std):.2f}",
+                f"{math.degrees(result.roll_rad):.2f} ± {math.degrees(roll_std):.2f}",
+            ]
+        )
+    if rows:
+        header = ("camera", "height m (95 %)", "tilt degrees", "roll degrees")
+        print_rows("Poses from the people who walk, a recording each", header, rows)
+    return len(rows)

@@ -143,3 +143,57 @@ def test_the_demo_tells_the_whole_story(tmp_path: Path) -> None:
         assert words in done.stdout
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert {"stadimeter.duckdb", "staff.rrd", "street.rrd"} <= names
+
+
+def test_calibrating_from_truth_and_using_what_was_found(tmp_path: Path) -> None:
+    staff = ROOT / "recordings" / "staff.mcap"
+    fitted = stadimeter(
+        "calibrate",
+        staff,
+        "--db",
+        "c.duckdb",
+        "-o",
+        "c.toml",
+        "--exclude",
+        "table4/row4",
+        cwd=tmp_path,
+    )
+    assert fitted.returncode == 0, fitted.stderr
+    assert "leave-one-out" in fitted.stdout
+    done = stadimeter("estimate", "--db", "c.duckdb", "--camera", "c.toml", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = stadimeter(
+        "query",
+        "--db",
+        "c.duckdb",
+        "--json",
+        "SELECT sqrt(avg(depth_error_m ** 2)) AS rmse_m, corr(depth_m, true_depth_m) AS r "
+        "FROM accuracy.errors WHERE method = 'size' AND object_id <> 'table4/row4'",
+        cwd=tmp_path,
+    )
+    found = json.loads(rows.stdout)
+    assert found["rmse_m"] < 0.025  # the paper: 0.0323 m
+    assert found["r"] > 0.9929  # the paper: 0.9904
+    stored = stadimeter(
+        "query",
+        "--db",
+        "c.duckdb",
+        "--json",
+        "SELECT DISTINCT method FROM calibrations",
+        cwd=tmp_path,
+    )
+    assert {json.loads(line)["method"] for line in stored.stdout.splitlines()} == {
+        "aperture",
+        "size",
+        "inverse",
+    }
+
+
+def test_calibrating_without_truth_says_so(workplace: Path, tmp_path: Path) -> None:
+    none = stadimeter("calibrate", "--db", "none.duckdb", "-o", "c.toml", cwd=tmp_path)
+    assert none.returncode == 1
+    assert "no such database" in none.stderr
+    few = stadimeter("calibrate", "--walkers", "--db", "x.duckdb", "-o", "w.toml", cwd=workplace)
+    assert few.returncode == 1
+    assert "4 are needed" in few.stderr
+    assert not (workplace / "w.toml").exists()

@@ -1,0 +1,163 @@
+"""`stadimeter calibrate`: stored recordings become a camera file, and rows in `calibrations`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import __version__
+from pipeline.calibrate.camera_file import write_camera_file
+from pipeline.calibrate.from_truth import calibrate_from_truth
+from pipeline.calibrate.truth_table import truth_table
+from pipeline.calibrate.walkers import calibrate_from_walkers
+from pipeline.config import CameraConfig, Config
+from pipeline.errors import CalibrationUndetermined, StoreError, Where
+from pipeline.estimate.combine import calibrations_table, measured_by_camera
+from pipeline.records import Calibration, Dimension, GroundPlane, Method
+from pipeline.run import describe, library_versions
+from pipeline.store.database import Store
+
+
+@dataclass(frozen=True, slots=True)
+class TruthOptions:
+    """How calibrations are fitted to truth."""
+
+    methods: Sequence[Method]
+    robust: bool = False
+    folds: int = 5
+    seed: int = 0
+    exclude: frozenset[str] = frozenset()  # object ids whose rows are known to be wrong
+
+
+def calibrate_stored_truth(
+    database: Path, camera_file: Path, config: Config, options: TruthOptions
+) -> list[Calibration]:
+    """Fit calibrations to all stored recordings with truth; write them to the file and the store.
+
+    Raises:
+        StoreError: the database does not exist.
+        CalibrationUndetermined: no recording has truth that determines anything.
+    """
+    with _writable(database) as store:
+        table = pa.concat_tables(
+            [truth_table(i, *_tables(store, i)) for i in _recording_ids(store)] or [_NO_TRUTH]
+        )
+        if options.exclude and table.num_rows:
+            keep = [o not in options.exclude for o in table["object_id"].to_pylist()]
+            table = table.filter(pa.array(keep))
+        if table.num_rows == 0:
+            raise CalibrationUndetermined(
+                "no stored recording has observations with truth",
+                where=Where(database),
+                remedy="Run recordings that hold stadimeter.GroundTruth messages first",
+            )
+        found = calibrate_from_truth(
+            table,
+            options.methods,
+            robust=options.robust,
+            folds=options.folds,
+            seed=options.seed,
+        )
+        if not found:
+            raise CalibrationUndetermined(
+                "the truth has too few rows for any calibration", where=Where(database)
+            )
+        write_camera_file(camera_file, replace(config, calibration=tuple(found)))
+        run_id = _start(store, config)
+        with store.transaction():
+            store.add_calibrations(calibrations_table(found), run_id)
+        store.finish_run(run_id)
+    return found
+
+
+def calibrate_stored_walkers(
+    database: Path, camera_file: Path, config: Config
+) -> list[tuple[str, GroundPlane | CalibrationUndetermined]]:
+    """Find the pose of every camera from who walked before it, all its recordings taken together.
+
+    Returns the pose of each camera, or why it is not determined; what was found is written.
+
+    Raises:
+        StoreError: the database does not exist.
+    """
+    prior = next(p for p in config.size_prior if p.dimension is Dimension.HEIGHT)
+    results: list[tuple[str, GroundPlane | CalibrationUndetermined]] = []
+    cameras: list[CameraConfig] = []
+    with _writable(database) as store:
+        for recording_id in _recording_ids(store):
+            observations, frames, rows, _ = _tables(store, recording_id)
+            for measured in measured_by_camera(observations, frames, rows, {}):
+                try:
+                    plane, _ = calibrate_from_walkers(measured, prior)
+                except CalibrationUndetermined as error:
+                    results.append((measured.camera, error))
+                else:
+                    results.append((measured.camera, plane))
+    for name in dict.fromkeys(name for name, _ in results):
+        planes = [p for n, p in results if n == name and isinstance(p, GroundPlane)]
+        if planes:
+            cameras.append(_camera(name, _combined(planes)))
+    if cameras:
+        write_camera_file(camera_file, replace(config, camera=tuple(cameras)))
+    return results
+
+
+def _combined(planes: list[GroundPlane]) -> GroundPlane:
+    """Return the precision-weighted mean of a camera's poses; it is fixed, so they are one pose.
+
+    What the recordings share, the uncertainty of the population's mean, is counted again with each:
+    the combined deviation is never below that of the best of them divided by the root of two.
+    """
+    if len(planes) == 1:
+        return planes[0]
+    weights = [np.linalg.inv(p.covariance) for p in planes]
+    total = np.linalg.inv(sum(weights))
+    poses = [np.array([p.camera_height_m, p.tilt_rad, p.roll_rad]) for p in planes]
+    mean = total @ sum(w @ pose for w, pose in zip(weights, poses, strict=True))
+    best = min((p.covariance for p in planes), key=lambda c: float(c[0, 0]))
+    covariance = total if total[0, 0] > best[0, 0] / 2 else best / 2
+    above_m, tilt_rad, roll_rad = (float(v) for v in mean)
+    return GroundPlane(above_m, tilt_rad, roll_rad, covariance, "walkers")
+
+
+def _camera(name: str, plane: GroundPlane) -> CameraConfig:
+    std = np.sqrt(np.diag(plane.covariance))
+    return CameraConfig(
+        name,
+        camera_height_m=plane.camera_height_m,
+        camera_height_std_m=float(std[0]),
+        tilt_deg=math.degrees(plane.tilt_rad),
+        tilt_std_deg=math.degrees(std[1]),
+        roll_deg=math.degrees(plane.roll_rad),
+        roll_std_deg=math.degrees(std[2]),
+    )
+
+
+def _writable(database: Path) -> Store:
+    if not database.is_file():
+        raise StoreError(
+            "there is no such database", where=Where(database), remedy="`stadimeter run` makes one"
+        )
+    return Store.open(database)
+
+
+def _recording_ids(store: Store) -> list[str]:
+    return [row["recording_id"] for row in store.recordings().to_pylist()]
+
+
+def _tables(store: Store, recording_id: str) -> tuple[pa.Table, pa.Table, pa.Table, pa.Table]:
+    names = ("observations", "frames", "cameras", "matches")
+    first, second, third, fourth = (store.read(name, recording_id) for name in names)
+    return first, second, third, fourth
+
+
+def _start(store: Store, config: Config) -> str:
+    return store.start_run("calibrate", None, describe(config), library_versions(), __version__)
+
+
+_NO_TRUTH = pa.table({"object_id": pa.array([], pa.string())})
