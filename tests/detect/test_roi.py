@@ -25,7 +25,7 @@ def staff_frames() -> list:
 
 
 def test_it_finds_the_staffs_edges_to_a_fraction_of_a_pixel() -> None:
-    detector = RoiDetector(CameraConfig("c", roi_xyxy_px=(300.0, 60.0, 900.0, 500.0)))
+    detector = RoiDetector(CameraConfig("c", roi_xyxy_px=(375.0, 75.0, 1125.0, 625.0)))
     errors = []
     for frame in staff_frames():
         picture = decode(frame.image, max_pixels=10**8, full_resolution=True)
