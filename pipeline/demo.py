@@ -65,38 +65,77 @@ def _print_pose(store: Store, recording_id: str) -> None:
         )
 
 
+LABELS = {
+    "aperture": "Eq. 16, Table 8",
+    "inverse": "Eq. 17, printed",
+    "size": "one size (ours)",
+}
+
+
 def _print_accuracy(store: Store, source: Path) -> None:
-    """Print depth error by aperture and method beside what the paper prints for the same rows."""
-    found = store.query("FROM accuracy.by_aperture").to_pylist()
-    ours = {
-        (r["f_number"], r["method"]): r["depth_rmse_m"]
-        for r in found
-        if r["depth_rmse_m"] is not None
-    }
+    """Print the errors on `staff` beside those of what the paper prints for the same rows."""
+    depths = _table(source / "paper" / "depth_tables_3_to_7.csv")
+    heights = _table(source / "paper" / "height_tables_9_10.csv")
+    # A width that contradicts the row's other columns is a misprint, and no measurement.
+    wrong = [_id(r) for r in depths if "width_px contradicts" in r["erratum"]]
+    wrong += [_id(r) for r in heights if r["erratum"]]
+    found = store.query(
+        """
+        SELECT f_number, method, sqrt(avg(depth_error_m ** 2)) AS depth_m,
+            sqrt(avg(height_error_m ** 2)) AS height_m
+        FROM accuracy.errors WHERE NOT list_contains(?, object_id)
+        GROUP BY GROUPING SETS ((f_number, method), (method))
+        """,
+        [wrong],
+    ).to_pylist()
+    ours = {(r["f_number"], r["method"]): r["depth_m"] for r in found if r["depth_m"] is not None}
     methods = sorted({method for _, method in ours})
-    paper = printed_rmse_cm(source / "paper" / "depth_tables_3_to_7.csv")
+    paper = _printed_rmse(depths, wrong, "estimated_depth_cm", "actual_depth_cm")
+    apertures: list[float | None] = [*sorted({f for f, _ in ours if f is not None}), None]
     rows = [
-        [f"f/{f:g}", _cm(paper.get(f)), *(_cm(_to_cm(ours.get((f, m)))) for m in methods)]
-        for f in sorted({f for f, _ in ours})
+        [
+            "all" if f is None else f"f/{f:g}",
+            _cm(paper.get(f)),
+            *(_cm(100 * ours[f, m]) if (f, m) in ours else "" for m in methods),
+        ]
+        for f in apertures
     ]
-    header = ("aperture", "paper, printed", *methods)
-    print_rows("staff: depth RMSE in cm by aperture, 50-110 cm", header, rows)
+    header = ("aperture", "paper, printed", *(LABELS.get(m, m) for m in methods))
+    print_rows("staff: depth RMSE in cm, 50-110 cm, 34 rows of Tables 3-7", header, rows)
+    printed = _printed_rmse(heights, wrong, "estimated_height_cm", "actual_height_cm").get(None)
+    exact = next(
+        (r["height_m"] for r in found if (r["f_number"], r["method"]) == (None, "aperture")), None
+    )
+    if printed is not None and exact is not None:
+        out.print(
+            f"staff: height RMSE on {sum(not r['erratum'] for r in heights)} consistent rows of Tables "
+            f"9-10: the paper {printed:.2f} cm, ours by the exact magnification {100 * exact:.2f} cm"
+        )
 
 
-def printed_rmse_cm(table: Path) -> dict[float, float]:
-    """Return the RMSE of the depths that the paper prints, by f-number; rows with errata count."""
-    if not table.is_file():
-        return {}
-    errors: dict[float, list[float]] = {}
-    with table.open(encoding="utf-8", newline="") as lines:
-        for row in csv.DictReader(lines):
-            error = float(row["estimated_depth_cm"]) - float(row["actual_depth_cm"])
+def _table(path: Path) -> list[dict[str, str]]:
+    if not path.is_file():
+        return []
+    with path.open(encoding="utf-8", newline="") as lines:
+        return list(csv.DictReader(lines))
+
+
+def _id(row: dict[str, str]) -> str:
+    table = row.get("paper_table") or (9 if int(row["row"]) <= 12 else 10)
+    return f"table{table}/row{row['row']}"
+
+
+def _printed_rmse(
+    rows: list[dict[str, str]], wrong: list[str], estimated: str, actual: str
+) -> dict[float | None, float]:
+    """Return the RMSE of what the paper prints, by f-number and, at None, of all rows."""
+    errors: dict[float | None, list[float]] = {}
+    for row in rows:
+        if _id(row) not in wrong:
+            error = float(row[estimated]) - float(row[actual])
             errors.setdefault(float(row["f_number"]), []).append(error)
+            errors.setdefault(None, []).append(error)
     return {f: math.sqrt(sum(e * e for e in es) / len(es)) for f, es in errors.items()}
-
-
-def _to_cm(value_m: float | None) -> float | None:
-    return None if value_m is None else value_m * 100
 
 
 def _cm(value_cm: float | None) -> str:

@@ -12,6 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 import pyarrow as pa
 
@@ -124,6 +125,8 @@ class FirstPass:
 
     def run(self) -> RecordingRow:
         """Read, decode, detect, track and measure; return what is known of the recording."""
+        # The decoding threads keep the cores busy; OpenCV's own would only get in their way.
+        cv2.setNumThreads(1)
         with PartWriter(self.parts_folder) as parts, ThreadPoolExecutor(self.threads) as pool:
             for item in self._decoded(pool):
                 self.batch.append(self.stages[item.frame.camera].follow(item))
