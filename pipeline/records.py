@@ -302,6 +302,7 @@ TRACK_HEIGHTS = _schema(
     ("height_m", _F64),
     ("height_std_m", _F64),
     ("height_assumed", _BOOL),
+    ("height_plausible", _BOOL),
     ("depth_min_m", _F64),
     ("depth_median_m", _F64),
     ("depth_max_m", _F64),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pipeline.console import err, out, print_rows, safe
@@ -58,7 +58,8 @@ def print_tracks(store: Store, recording_id: str, title: str) -> int:
     """Print the tracks of a recording: where, how tall, by the best method; return how many."""
     best = store.query(
         """
-        SELECT track_id, camera, method, height_m, height_std_m, height_assumed, depth_min_m,
+        SELECT track_id, camera, method, height_m, height_std_m, height_assumed, height_plausible,
+            depth_min_m,
             depth_median_m, depth_max_m, observation_count
         FROM track_heights SEMI JOIN main.current_run USING (recording_id, run_id)
         WHERE recording_id = ?
@@ -85,13 +86,19 @@ def print_tracks(store: Store, recording_id: str, title: str) -> int:
                 f"{track['depth_min_m']:.1f}",
                 f"{track['depth_median_m']:.1f}",
                 f"{track['depth_max_m']:.1f}",
-                height + (" (assumed)" if track["height_assumed"] else ""),
+                height + _remark(track),
                 track["method"],
             ]
         )
     header = ("track", "frames", "nearest m", "median m", "farthest m", "height m (95 %)", "method")
     print_rows(title, header, rows)
     return len(rows)
+
+
+def _remark(track: Mapping[str, object]) -> str:
+    if track["height_assumed"]:
+        return " (assumed)"
+    return " (not one person)" if track["height_plausible"] is False else ""
 
 
 def print_survey(survey: Survey) -> None:

@@ -71,7 +71,7 @@ def estimate(
             if not np.isfinite(estimated.depth_m).any():
                 continue
             rows.append(_long(measured, estimated, method))
-            heights.append(track_heights(measured, estimated, method))
+            heights.append(track_heights(measured, estimated, method, config.size_prior))
             ids = set(estimated.calibration_id) - {None}
             used |= {c.calibration_id: c for c in config.calibration if c.calibration_id in ids}
             notes += outside_calibration(measured, estimated, method)

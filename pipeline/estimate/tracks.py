@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 import pyarrow as pa
 
+from pipeline.config import SizePrior
 from pipeline.estimate.columns import Estimated, Measured
-from pipeline.records import TRACK_HEIGHTS, FloatArray, Method
+from pipeline.records import TRACK_HEIGHTS, Dimension, FloatArray, Method
 
 # 1.4826 turns a median absolute deviation into a standard deviation (normal distribution).
 MAD_TO_STD = 1.4826
 # The median of normal errors has a variance pi / 2 times that of the mean.
 MEDIAN_EFFICIENCY = np.pi / 2
+# A height this many standard deviations from its class's mean is not that of one such object: of ten
+# thousand adults about five are so tall or so small.
+RULED_OUT = 3.5
 
 
-def track_heights(measured: Measured, estimated: Estimated, method: Method) -> pa.Table:
+def track_heights(
+    measured: Measured,
+    estimated: Estimated,
+    method: Method,
+    priors: Sequence[SizePrior] = (),
+) -> pa.Table:
     """Return the median height of each track and its standard deviation, and its depths.
 
     The noise of frames averages out over as many frames as are independent: n (1 - c) / (1 + c)
     with c the correlation of neighbouring frames (AR(1)). What all frames share, an error of the
-    calibration or an assumed height, does not average out.
+    calibration or an assumed height, does not average out. A height that the prior of the object's
+    class rules out is marked: the interval speaks of one object, and that is not one.
     """
     frame = pd.DataFrame(
         {
@@ -31,6 +44,7 @@ def track_heights(measured: Measured, estimated: Estimated, method: Method) -> p
             "common_m": estimated.height_common_std_m,
             "std_m": estimated.height_std_m,
             "assumed": estimated.height_assumed,
+            "class_name": measured.class_name,
         }
     )
     frame = frame[np.isfinite(frame["depth_m"])].sort_values(["track_id", "time_ns"])
@@ -47,13 +61,19 @@ def track_heights(measured: Measured, estimated: Estimated, method: Method) -> p
     common_m = tracks["common_m"].median().to_numpy()
     noise_m = _noise_of_median(spread_m, typical_std_m, common_m, _correlation(frame), count)
     depth = tracks["depth_m"].agg(["min", "median", "max", "count"])
+    height_m = tracks["height_m"].median().to_numpy()
+    height_std_m = np.where(count > 0, np.hypot(noise_m, common_m), np.nan)
+    assumed = tracks["assumed"].any().to_numpy()
+    names = tracks["class_name"].agg(lambda names: names.mode().iloc[0]).to_numpy()
+    plausible = _plausible(height_m, height_std_m, names, priors)
     columns: dict[str, object] = {
         "camera": [measured.camera] * len(depth),
         "track_id": depth.index.to_numpy(),
         "method": [str(method)] * len(depth),
-        "height_m": tracks["height_m"].median().to_numpy(),
-        "height_std_m": np.where(count > 0, np.hypot(noise_m, common_m), np.nan),
-        "height_assumed": tracks["assumed"].any().to_numpy(),
+        "height_m": height_m,
+        "height_std_m": height_std_m,
+        "height_assumed": assumed,
+        "height_plausible": [None if a else p for a, p in zip(assumed, plausible, strict=True)],
         "depth_min_m": depth["min"].to_numpy(),
         "depth_median_m": depth["median"].to_numpy(),
         "depth_max_m": depth["max"].to_numpy(),
@@ -61,6 +81,26 @@ def track_heights(measured: Measured, estimated: Estimated, method: Method) -> p
     }
     arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in TRACK_HEIGHTS]
     return pa.Table.from_arrays(arrays, schema=TRACK_HEIGHTS)
+
+
+def _plausible(
+    height_m: FloatArray,
+    height_std_m: FloatArray,
+    names: npt.NDArray[np.object_],
+    priors: Sequence[SizePrior],
+) -> list[bool | None]:
+    """Return whether each height can be that of one object of its class; None where unknown."""
+    known = {p.object_class: p for p in priors if p.dimension is Dimension.HEIGHT}
+    result: list[bool | None] = []
+    for height, std, name in zip(height_m, height_std_m, names, strict=True):
+        prior = known.get(str(name))
+        if prior is None or not np.isfinite(height):
+            result.append(None)
+        else:
+            result.append(
+                bool(abs(height - prior.mean_m) <= RULED_OUT * np.hypot(std, prior.std_m))
+            )
+    return result
 
 
 def _correlation(frame: pd.DataFrame) -> FloatArray:

@@ -262,6 +262,7 @@ CREATE TABLE IF NOT EXISTS track_heights (
     height_m          DOUBLE,
     height_std_m      DOUBLE,
     height_assumed    BOOLEAN,
+    height_plausible  BOOLEAN,
     depth_min_m       DOUBLE,
     depth_median_m    DOUBLE,
     depth_max_m       DOUBLE,
@@ -276,6 +277,7 @@ COMMENT ON COLUMN track_heights.method IS 'The method.';
 COMMENT ON COLUMN track_heights.height_m IS 'Robust combination of the heights of its frames.';
 COMMENT ON COLUMN track_heights.height_std_m IS 'Its standard deviation, correlation between frames included.';
 COMMENT ON COLUMN track_heights.height_assumed IS 'TRUE where the height was put in, not measured.';
+COMMENT ON COLUMN track_heights.height_plausible IS 'FALSE where one object of its class cannot be so tall or so small: two people in one box, or half of one. NULL where nothing is known of the class, or the height was put in.';
 COMMENT ON COLUMN track_heights.depth_min_m IS 'Nearest depth.';
 COMMENT ON COLUMN track_heights.depth_median_m IS 'Median depth.';
 COMMENT ON COLUMN track_heights.depth_max_m IS 'Farthest depth.';
