@@ -75,9 +75,10 @@ class Background:
         """
         size = (picture.shape[1] // 2, picture.shape[0] // 2)
         mask = cv2.resize(foreground, size, interpolation=cv2.INTER_NEAREST)
-        rows, columns = np.nonzero(mask)
-        if len(rows) == 0:
+        found = cv2.findNonZero(mask)
+        if found is None:
             return
+        columns, rows = found.reshape(-1, 2).T.astype(np.intp)
         now, then = picture[2 * rows, 2 * columns], self.mean_u8[2 * rows, 2 * columns]
         scale, alike = _scaled_alike(now, then)
         smooth = _local_std(mask.shape, rows, columns, scale) < SHADOW_TEXTURE
