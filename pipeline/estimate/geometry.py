@@ -8,15 +8,20 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.estimate.columns import BoolArray, Measured
+from pipeline.optics.distortion import check_distortion
 from pipeline.optics.ground_plane import remove_roll
-from pipeline.optics.pinhole import DISTORTION_MODELS, PinholeCamera
+from pipeline.optics.pinhole import PinholeCamera
 from pipeline.optics.thin_lens import image_distance_mm
 from pipeline.records import FloatArray, Intrinsics
 
 
 def camera_of(intrinsics: Intrinsics) -> PinholeCamera:
-    """Return the optics' camera; an unknown distortion model counts as none (ingest says so)."""
-    known = intrinsics.distortion_model in DISTORTION_MODELS
+    """Return the optics' camera; a distortion that the optics cannot use counts as none."""
+    model, coefficients = intrinsics.distortion_model, intrinsics.distortion
+    try:
+        check_distortion(model, coefficients)
+    except ValueError:
+        model, coefficients = "", ()
     return PinholeCamera(
         intrinsics.fx_px,
         intrinsics.fy_px,
@@ -24,8 +29,8 @@ def camera_of(intrinsics: Intrinsics) -> PinholeCamera:
         intrinsics.cy_px,
         intrinsics.width_px,
         intrinsics.height_px,
-        intrinsics.distortion_model if known else "",
-        intrinsics.distortion if known else (),
+        model,
+        coefficients,
     )
 
 

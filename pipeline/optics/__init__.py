@@ -4,8 +4,10 @@ thin_lens:      Eqs. 1-10 of the paper, for any focus distance: image distance, 
 aperture_size:  Eq. 16, the paper's method: depth from aperture, k and the size on the sensor
 object_size:    depth from a known size, Eq. 17, heights by Eq. 14 and by the exact magnification
 exposure:       Eq. 15, exposure values, luminance
-pinhole:        the camera as an ideal pinhole with lens distortion
+distortion:     what the lens does to directions, and back, as far as it is one to one
+pinhole:        the camera: an ideal pinhole behind a lens with distortion
 ground_plane:   a camera above flat ground: depth, height and position of what stands on it
+arrays:         what they share: float64, and no warnings about the unknown
 
 The paper is SN Applied Sciences (2021) 3:595. Every name carries its unit; unknown is NaN, and NaN
 in gives NaN out. Depth is the distance along the optical axis.

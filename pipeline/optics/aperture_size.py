@@ -13,12 +13,9 @@ belongs to the objects that it was fitted on.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from pipeline.optics.arrays import ArrayLike, Floats, floats, positive, quiet
 from pipeline.optics.thin_lens import aperture_radius_mm
-
-Floats = npt.NDArray[np.float64]
-ArrayLike = npt.ArrayLike
 
 # Table 8. The paper gives ranges; both ends are entered: 1.8-2, 2.2-2.5, 4-4.5, 8-9.
 # (f-number, k); there is no entry for f/5, which Tables 9-10 use.
@@ -54,7 +51,11 @@ K_BOUNDS = (0.45, 3.2)
 # a_R is in mm where the other lengths are in cm (see above).
 MM_PER_CM = 10.0
 
+# An f-number this near an end of a table, relatively, is that end: 1.8 may come as a float32.
+_SAME_F_NUMBER = 1e-6
 
+
+@quiet
 def interpolate_k(
     f_number: ArrayLike,
     table_f_number: ArrayLike = K_TABLE_8[0],
@@ -64,28 +65,26 @@ def interpolate_k(
 ) -> Floats:
     """Return k for f-numbers, linear in log N; NaN outside the table unless told to extrapolate.
 
-    Extrapolation holds the equivalent object size of the nearest entry, so k grows with N as the
-    aperture radius shrinks; continuing the line would make sizes up.
+    The table's f-numbers ascend. Extrapolation holds the equivalent object size of the nearest
+    entry, so k grows with N as the aperture radius shrinks; continuing the line would make sizes up.
     """
-    n = np.asarray(f_number, dtype=np.float64)
-    nodes, k = np.asarray(table_f_number, float), np.asarray(table_k, float)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        inside = np.interp(np.log(n), np.log(nodes), k)
-        below, above = n < nodes[0], n > nodes[-1]
-        if extrapolate:
-            inside = np.where(below, k[0] * n / nodes[0], inside)
-            return np.where(above, k[-1] * n / nodes[-1], inside)
-        return np.where(below | above | ~(n > 0), np.nan, inside)
+    n, nodes, k = positive(f_number), floats(table_f_number), floats(table_k)
+    inside = np.interp(np.log(n), np.log(nodes), k)
+    below = n < nodes[0] * (1 - _SAME_F_NUMBER)
+    above = n > nodes[-1] * (1 + _SAME_F_NUMBER)
+    low, high = (k[0] * n / nodes[0], k[-1] * n / nodes[-1]) if extrapolate else (np.nan, np.nan)
+    return np.where(below, low, np.where(above, high, inside))
 
 
+@quiet
 def equivalent_object_size_m(
     k: ArrayLike, focal_length_mm: ArrayLike, f_number: ArrayLike
 ) -> Floats:
     """Return W = 10 k a_R: the object size that k stands for."""
-    a_mm = aperture_radius_mm(focal_length_mm, f_number)
-    return np.asarray(MM_PER_CM * np.asarray(k, dtype=np.float64) * a_mm * 1e-3)
+    return np.asarray(floats(k) * _aperture_in_eq16_mm(focal_length_mm, f_number) * 1e-3)
 
 
+@quiet
 def depth_eq16_m(
     size_on_sensor_mm: ArrayLike,
     focal_length_mm: ArrayLike,
@@ -98,17 +97,15 @@ def depth_eq16_m(
     Without an image distance I the lens is focused at infinity, I = f. The printed sign is
     negative there; depth is its magnitude.
     """
-    f_mm = np.asarray(focal_length_mm, dtype=np.float64)
-    o_mm = np.asarray(size_on_sensor_mm, dtype=np.float64)
-    i_mm = f_mm if image_distance_mm is None else np.asarray(image_distance_mm, dtype=np.float64)
-    a_mm = MM_PER_CM * aperture_radius_mm(f_mm, f_number)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        # I a - f (o + a), written so that it does not cancel at I = f
-        denominator = (i_mm - f_mm) * a_mm - f_mm * o_mm
-        d_mm = np.abs(np.asarray(k, dtype=np.float64) * f_mm * i_mm * a_mm / denominator)
-    return np.where(o_mm > 0, d_mm * 1e-3, np.nan)
+    f_mm, o_mm = floats(focal_length_mm), positive(size_on_sensor_mm)
+    i_mm = f_mm if image_distance_mm is None else floats(image_distance_mm)
+    a_mm = _aperture_in_eq16_mm(f_mm, f_number)
+    # I a - f (o + a), written so that it does not cancel at I = f
+    denominator_mm2 = (i_mm - f_mm) * a_mm - f_mm * o_mm
+    return np.asarray(np.abs(floats(k) * f_mm * i_mm * a_mm / denominator_mm2) * 1e-3)
 
 
+@quiet
 def implied_k(
     depth_m: ArrayLike,
     size_on_sensor_mm: ArrayLike,
@@ -116,13 +113,12 @@ def implied_k(
     f_number: ArrayLike,
 ) -> Floats:
     """Return the k with which Eq. 16, focused at infinity, gives a depth: k = d o / (10 f a_R)."""
-    d_mm = np.asarray(depth_m, dtype=np.float64) * 1e3
-    a_mm = MM_PER_CM * aperture_radius_mm(focal_length_mm, f_number)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        k = d_mm * np.asarray(size_on_sensor_mm, float) / (np.asarray(focal_length_mm) * a_mm)
-    return np.asarray(k)
+    f_mm, d_mm = floats(focal_length_mm), floats(depth_m) * 1e3
+    size_mm = d_mm * positive(size_on_sensor_mm) / f_mm
+    return np.asarray(size_mm / _aperture_in_eq16_mm(f_mm, f_number))
 
 
+@quiet
 def depth_eq16_std_m(
     depth_m: ArrayLike,
     size_on_sensor_mm: ArrayLike,
@@ -134,9 +130,11 @@ def depth_eq16_std_m(
 
     Depth is proportional to k / o, so relative variances add.
     """
-    with np.errstate(invalid="ignore", divide="ignore"):
-        relative = np.hypot(
-            np.asarray(size_std_mm, float) / np.asarray(size_on_sensor_mm, float),
-            np.asarray(k_std, float) / np.asarray(k, float),
-        )
-    return np.asarray(np.asarray(depth_m, dtype=np.float64) * relative)
+    by_size = floats(size_std_mm) / positive(size_on_sensor_mm)
+    by_k = floats(k_std) / positive(k)
+    return np.asarray(floats(depth_m) * np.hypot(by_size, by_k))
+
+
+def _aperture_in_eq16_mm(focal_length_mm: ArrayLike, f_number: ArrayLike) -> Floats:
+    """Return 10 a_R, the paper's a_R in the unit of its other lengths."""
+    return np.asarray(MM_PER_CM * aperture_radius_mm(focal_length_mm, f_number))

@@ -97,3 +97,31 @@ def test_std_is_that_of_a_simulation() -> None:
     d_m = depth_eq16_m(o_mm, 50.0, 2.8, k)
     mean_m = depth_eq16_m(3.0, 50.0, 2.8, 0.66)
     assert depth_eq16_std_m(mean_m, 3.0, 0.03, 0.66, 0.01) == pytest.approx(d_m.std(), rel=0.01)
+
+
+@given(st.floats(1.8, 16.0), st.floats(1.8, 16.0))
+def test_k_does_not_fall_with_the_f_number(n1: float, n2: float) -> None:
+    assert interpolate_k(min(n1, n2)) <= interpolate_k(max(n1, n2))
+
+
+def test_k_is_linear_in_the_logarithm_of_the_f_number() -> None:
+    assert interpolate_k(np.sqrt(4.5 * 5.6)) == pytest.approx((0.95 + 1.12) / 2)
+    # the ranges of the text: 1.8-2, 2.2-2.5, 4-4.5, 8-9
+    for low, high in [(1.8, 2.0), (2.2, 2.5), (4.0, 4.5), (8.0, 9.0)]:
+        assert np.ptp(interpolate_k(np.linspace(low, high, 7))) < 1e-12
+
+
+def test_an_f_number_in_single_precision_is_still_in_the_table() -> None:
+    assert float(np.float32(1.8)) < 1.8
+    assert interpolate_k(np.float32(1.8)) == pytest.approx(0.45)
+    np.testing.assert_array_equal(interpolate_k([2.8, 4.0], [2.8], [0.7]), [0.7, np.nan])
+
+
+@pytest.mark.parametrize("extrapolate", [False, True])
+def test_what_is_no_f_number_has_no_k(extrapolate: bool) -> None:
+    assert np.isnan(interpolate_k([0.0, -2.0, np.nan], extrapolate=extrapolate)).all()
+
+
+def test_a_size_that_is_not_positive_has_no_depth() -> None:
+    assert np.isnan(depth_eq16_m([0.0, -1.0], 50.0, 2.8, 0.66)).all()
+    assert np.isnan(implied_k(1.0, [0.0, -1.0], 50.0, 2.8)).all()

@@ -49,3 +49,37 @@ def test_the_meter_constant_keeps_to_its_standard() -> None:
 def test_unknown_settings_give_unknown_light() -> None:
     assert np.isnan(exposure.exposure_value_100(np.nan, 0.01, 100.0))
     assert np.isnan(exposure.scene_luminance_cd_m2(2.0, np.nan, 100.0))
+
+
+def test_srgb_at_known_points_and_without_a_step() -> None:
+    known = exposure.srgb_to_linear([0.0, 0.04045, 0.5, 1.0])
+    np.testing.assert_allclose(known, [0.0, 0.0031308, 0.2140411, 1.0], atol=1e-7)
+    steps = np.diff(exposure.srgb_to_linear(np.linspace(0, 1, 10_001)))
+    assert (steps > 0).all()
+    assert steps.max() < 3e-4
+
+
+@given(st.floats(1.0, 32.0), st.floats(1e-4, 10.0), st.floats(50, 12800))
+def test_what_a_meter_reads_renders_alike_at_any_setting(n: float, t: float, iso: float) -> None:
+    luminance = exposure.scene_luminance_cd_m2(n, t, iso)
+    assert luminance == pytest.approx(0.125 * 2.0 ** exposure.exposure_value_100(n, t, iso))
+    assert exposure.expected_pixel_value(n, t, iso, luminance) == pytest.approx(12.5**2)
+
+
+@pytest.mark.parametrize("constant", [10.5, 13.5, float("nan")])
+def test_both_equations_keep_to_the_standard(constant: float) -> None:
+    with pytest.raises(ValueError, match=r"10\.6-13\.4"):
+        exposure.scene_luminance_cd_m2(2.0, 0.01, 100.0, constant)
+    with pytest.raises(ValueError, match=r"10\.6-13\.4"):
+        exposure.expected_pixel_value(2.0, 0.01, 100.0, 1.0, constant)
+    for allowed in (10.6, 13.4):
+        assert exposure.scene_luminance_cd_m2(2.0, 0.01, 100.0, allowed) == 4 * allowed
+
+
+@pytest.mark.parametrize(
+    "settings", [(0.0, 0.01, 100.0), (2.0, 0.0, 100.0), (2.0, -1.0, 100.0), (2.0, 0.01, 0.0)]
+)
+def test_absurd_settings_say_nothing_of_the_light(settings: tuple[float, float, float]) -> None:
+    assert np.isnan(exposure.exposure_value_100(*settings))
+    assert np.isnan(exposure.scene_luminance_cd_m2(*settings))
+    assert np.isnan(exposure.expected_pixel_value(*settings, 1.0))

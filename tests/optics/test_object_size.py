@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -102,3 +104,34 @@ def test_deviations_are_those_of_a_simulation() -> None:
     assert size.depth_inverse_model_std_m(3.0, 0.04, residual_std_m=0.02) == pytest.approx(
         inverse_m.std(), rel=0.01
     )
+
+
+def slope(function: Callable[[float], np.ndarray], at: float) -> float:
+    return float(function(at * (1 + 1e-6)) - function(at * (1 - 1e-6))) / (2e-6 * at)
+
+
+@given(lengths, st.floats(0.01, 20.0), st.floats(2.0, 300.0))
+def test_the_deviation_of_a_focused_size_is_the_numerical_derivative(
+    w_m: float, o_mm: float, f_mm: float
+) -> None:
+    o_std_mm, w_std_m = 0.01 * o_mm, 0.05 * w_m
+    by_o = slope(lambda o: size.depth_from_size_focused_m(w_m, o, f_mm), o_mm) * o_std_mm
+    by_w = slope(lambda w: size.depth_from_size_focused_m(w, o_mm, f_mm), w_m) * w_std_m
+    d_m = size.depth_from_size_focused_m(w_m, o_mm, f_mm)
+    std_m = size.depth_from_size_focused_std_m(d_m, f_mm, o_mm, o_std_mm, w_m, w_std_m)
+    assert std_m == pytest.approx(np.hypot(by_o, by_w), rel=1e-4)
+
+
+@given(st.floats(0.01, 20.0), depths, st.floats(2.0, 300.0))
+def test_the_deviation_of_eq_14_is_the_numerical_derivative(
+    o_mm: float, d_m: float, f_mm: float
+) -> None:
+    o_std_mm, d_std_m = 0.02 * o_mm, 0.05 * d_m
+    by_o = slope(lambda o: size.height_eq14_m(o, d_m, f_mm), o_mm) * o_std_mm
+    by_d = slope(lambda d: size.height_eq14_m(o_mm, d, f_mm), d_m) * d_std_m
+    std_m = size.height_eq14_std_m(o_mm, o_std_mm, d_m, d_std_m, f_mm)
+    assert std_m == pytest.approx(np.hypot(by_o, by_d), rel=1e-4)
+
+
+def test_inside_the_focal_length_there_is_no_height() -> None:
+    assert np.isnan(size.height_exact_m(1.0, 0.049, 50.0))

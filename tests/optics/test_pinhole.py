@@ -89,3 +89,21 @@ def test_a_scaled_picture_shows_the_same_directions(sx: float, sy: float) -> Non
     points = pixels(4)[:5]
     scaled = (points + 0.5) * [sx, sy] - 0.5
     np.testing.assert_allclose(c.scaled(sx, sy).normalize(scaled), c.normalize(points), atol=1e-9)
+
+
+def test_what_the_lens_folds_over_is_neither_seen_nor_taken_for_a_direction() -> None:
+    """Newton's method alone finds the far side of the axis for a pixel beyond the fold."""
+    wide = PinholeCamera(300.0, 300.0, 640.0, 360.0, 1280, 720, "plumb_bob", (-0.3, 0, 0, 0))
+    directions = wide.normalize([[640.0, 360.0], [840.0, 360.0], [910.0, 390.0], [1279.0, 719.0]])
+    np.testing.assert_array_equal(np.isnan(directions).all(axis=1), [False, False, True, True])
+    assert np.isnan(wide.project([2.0, 0.0, 1.0])).all()
+
+
+def test_resizing_is_opencvs() -> None:
+    picture = np.zeros((64, 64), np.float32)
+    picture[20:24, 40:44] = 1.0  # its centre at (41.5, 21.5)
+    small = cv2.resize(picture, None, fx=0.5, fy=0.25, interpolation=cv2.INTER_AREA)
+    x, y = np.arange(32) @ small.sum(axis=0), np.arange(16) @ small.sum(axis=1)
+    c = PinholeCamera(100.0, 100.0, 41.5, 21.5, 64, 64).scaled(0.5, 0.25)
+    assert (c.cx_px, c.cy_px) == pytest.approx((x / small.sum(), y / small.sum()))
+    assert (c.fx_px, c.fy_px, c.width_px, c.height_px) == (50.0, 25.0, 32, 16)

@@ -102,3 +102,52 @@ def test_arrays_broadcast_and_nan_stays_nan() -> None:
     assert out.shape == (2, 2)
     assert np.isnan(out[1]).all()
     assert (out[0] > 0).all()
+
+
+@given(st.floats(5.0, 300.0))
+def test_focus_far_away_tends_to_infinite_focus(f_mm: float) -> None:
+    excess_mm = image_distance_mm([1e4, 1e6, 1e9], f_mm) - f_mm
+    assert (np.diff(excess_mm) < 0).all()
+    d_m = np.array([0.8, 5.0, 80.0])
+    near_infinity, infinity = blur_radius_um(d_m, f_mm, 2.8, 1e9), blur_radius_um(d_m, f_mm, 2.8)
+    np.testing.assert_allclose(near_infinity, infinity, rtol=1e-6)
+
+
+def test_blur_grows_away_from_the_focus_and_shrinks_with_the_f_number() -> None:
+    d_m = np.linspace(0.5, 20.0, 200)
+    r_um = blur_radius_um(d_m, 50.0, 2.0, 4.0)
+    assert (np.diff(r_um[d_m < 4.0]) < 0).all()
+    assert (np.diff(r_um[d_m > 4.0]) > 0).all()
+    assert (np.diff(blur_radius_um(2.0, 50.0, [1.4, 2.0, 5.6, 16.0], 4.0)) < 0).all()
+
+
+@given(st.floats(5.0, 300.0), f_numbers, distances, st.floats(1.0, 100.0))
+def test_depth_of_field_ends_where_the_blur_is_as_large_as_allowed(
+    f_mm: float, n: float, s_m: float, c_um: float
+) -> None:
+    near_m, far_m = depth_of_field_m(f_mm, n, s_m, c_um)
+    assert near_m < s_m < far_m
+    assert circle_of_confusion_um(near_m, f_mm, n, s_m) == pytest.approx(c_um, rel=1e-6)
+    at_far_um = circle_of_confusion_um(far_m, f_mm, n, s_m)
+    if np.isfinite(far_m):
+        assert at_far_um == pytest.approx(c_um, rel=1e-6)
+    else:
+        assert at_far_um <= c_um * (1 + 1e-9)
+
+
+def test_the_papers_aperture_radii() -> None:
+    # Tables 3 and 6 print 7.81 for both
+    np.testing.assert_allclose(aperture_radius_mm(50.0, [1.8, 3.5]), [13.8889, 7.1429], atol=5e-5)
+
+
+def test_an_unknown_branch_is_refused() -> None:
+    with pytest.raises(ValueError, match="near, far"):
+        depth_from_blur_m(10.0, 50.0, 2.0, 4.0, "Near")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("f_mm", "n"), [(0.0, 2.0), (-50.0, 2.0), (50.0, 0.0), (50.0, -2.0)])
+def test_a_lens_that_cannot_be_gives_nothing(f_mm: float, n: float) -> None:
+    assert np.isnan(aperture_radius_mm(f_mm, n))
+    assert np.isnan(blur_radius_um(3.0, f_mm, n))
+    assert np.isnan(depth_from_blur_m(3.0, f_mm, n))
+    assert np.isnan(hyperfocal_distance_m(f_mm, n, 20.0))
