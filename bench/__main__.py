@@ -1,10 +1,11 @@
 """`make bench`: everything that is claimed, measured in one run."""
 
-from bench import memory, paper, queries, speed
+from bench import memory, paper, queries, speed, walkers
 from pipeline.console import out
 
 for title, part in (
     ("The paper's rows", paper),
+    ("The pose from walkers", walkers),
     ("Speed", speed),
     ("Memory", memory),
     ("Queries", queries),

@@ -1,0 +1,99 @@
+"""The pose from people who walk, on simulated cameras whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.walkers import scene, score
+from pipeline.calibrate.walkers import MIN_PEOPLE, calibrate_from_walkers
+from pipeline.config import ADULT
+from pipeline.errors import CalibrationUndetermined
+from pipeline.estimate.columns import Measured
+
+
+def only(measured: Measured, rows: np.ndarray) -> Measured:
+    names = [f for f in Measured.__slots__ if isinstance(getattr(measured, f), np.ndarray)]
+    return replace(measured, **{n: getattr(measured, n)[rows] for n in names})
+
+
+@pytest.mark.slow
+def test_depths_heights_and_intervals_over_many_cameras() -> None:
+    random, scores = np.random.default_rng(7), []
+    for _ in range(30):
+        simulated = scene(random, 15)
+        try:
+            plane, report = calibrate_from_walkers(simulated.measured, ADULT)
+        except CalibrationUndetermined:
+            continue  # a steep, narrow view of people at one distance
+        assert MIN_PEOPLE <= report.people <= 15
+        scores.append(score(simulated, plane))
+    assert len(scores) >= 27
+    assert np.median([s.depth_relative for s in scores]) < 0.035
+    assert np.median([s.height_mae_m for s in scores]) < 0.05
+    for part, low in (("depth_z", 0.9), ("height_z", 0.9), ("pose_z", 0.9)):
+        z = np.concatenate([getattr(s, part) for s in scores])
+        assert np.mean(np.abs(z[np.isfinite(z)]) < 1.96) > low
+
+
+def test_groups_and_fragments_do_not_decide() -> None:
+    random = np.random.default_rng(3)
+    errors = []
+    for _ in range(6):
+        simulated = scene(random, 20, bad_share=0.3)
+        plane, _ = calibrate_from_walkers(simulated.measured, ADULT)
+        errors.append(plane.camera_height_m / simulated.plane.camera_height_m - 1)
+    assert np.median(np.abs(errors)) < 0.06
+
+
+def test_a_population_of_another_stature_scales_the_scene() -> None:
+    simulated = scene(np.random.default_rng(5), 15)
+    usual, _ = calibrate_from_walkers(simulated.measured, ADULT)
+    taller = replace(ADULT, mean_m=1.1 * ADULT.mean_m, std_m=1.1 * ADULT.std_m)
+    other, _ = calibrate_from_walkers(simulated.measured, taller)
+    assert other.camera_height_m == pytest.approx(1.1 * usual.camera_height_m, rel=0.01)
+    assert other.tilt_rad == pytest.approx(usual.tilt_rad, abs=0.003)
+
+
+def test_more_people_make_it_surer_down_to_what_the_population_leaves_open() -> None:
+    simulated = scene(np.random.default_rng(6), 40, bad_share=0.0)
+    few = simulated.measured.track_id < 8
+    small, _ = calibrate_from_walkers(only(simulated.measured, few), ADULT)
+    large, _ = calibrate_from_walkers(simulated.measured, ADULT)
+    relative = [np.sqrt(p.covariance[0, 0]) / p.camera_height_m for p in (small, large)]
+    assert relative[1] < relative[0]
+    assert relative[1] > 0.03 / ADULT.mean_m * 0.99
+
+
+def test_too_few_people_are_refused_with_a_reason() -> None:
+    simulated = scene(np.random.default_rng(8), 12)
+    rows = simulated.measured.track_id < MIN_PEOPLE - 1
+    with pytest.raises(CalibrationUndetermined, match="are needed"):
+        calibrate_from_walkers(only(simulated.measured, rows), ADULT)
+
+
+@pytest.mark.parametrize("change", ["no intrinsics", "all cut", "all hidden", "no people"])
+def test_what_cannot_be_used_is_not(change: str) -> None:
+    measured = scene(np.random.default_rng(9), 8).measured
+    count = len(measured)
+    changed = {
+        "no intrinsics": {"intrinsics": None},
+        "all cut": {"truncated": np.ones((count, 4), bool)},
+        "all hidden": {"occlusion": np.full(count, 0.5)},
+        "no people": {"class_name": np.full(count, "car", dtype=object)},
+    }[change]
+    with pytest.raises(CalibrationUndetermined, match="0 people"):
+        calibrate_from_walkers(replace(measured, **changed), ADULT)
+
+
+def test_people_at_one_spot_do_not_fix_a_pose() -> None:
+    """Everybody at one distance: many poses fit, so none is given."""
+    simulated = scene(np.random.default_rng(10), 10, bad_share=0.0)
+    m = simulated.measured
+    tall = np.median(m.bbox_xyxy_px[:, 3] - m.bbox_xyxy_px[:, 1])
+    box = np.tile([600.0, 400.0 - tall, 640.0, 400.0], (len(m), 1))
+    box += np.random.default_rng(0).normal(0, 1, box.shape)
+    with pytest.raises(CalibrationUndetermined, match="do not fix"):
+        calibrate_from_walkers(replace(m, bbox_xyxy_px=box), ADULT)
