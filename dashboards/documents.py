@@ -3,97 +3,235 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from typing import Any
 
-import pandas as pd
+import pyarrow as pa
 
-from dashboards.scene import METHOD_ORDER
+from dashboards.columns import CameraRows
+from dashboards.curves import CURVES_KEPT, CURVES_SHOWN
+from dashboards.names import markdown
+from dashboards.style import METHOD_ORDER, Z_95
+from pipeline import __version__
 
 MAX_ROWS = 200
+TEXT_COLUMNS = ("camera", "class", "method")
+METHOD_TEXTS = {
+    "fused": "the methods that apply, weighted by their precision and smoothed along the track",
+    "ground": "the ray through the feet meets the ground",
+    "aperture": "Eq. 16: size in the picture, focal length, aperture, and the constant k",
+    "inverse": "Eq. 17: a line in the inverse of the size in the picture",
+    "size": "the size in the picture against the usual size of such an object",
+    "defocus": "how far the edges are blurred",
+}
+INTRINSICS_TEXTS = {
+    "recording": "from the recording",
+    "camera_file": "from the camera file",
+    "lens_data": "from focal length and pixel pitch; its centre is assumed",
+}
+POSE_TEXTS = {"walkers": "found from the people who walk on it", "truth": "found from the truth"}
 
 
-def markdown_safe(text: object) -> str:
-    """Return text from a file that Markdown shows as it is."""
-    shown = "".join(c if c.isprintable() else "?" for c in str(text))
-    return "".join("\\" + c if c in "\\`*_{}[]()<>#+-.!|~" else c for c in shown)
+def about_text(
+    recording: Mapping[str, Any], cameras: Sequence[CameraRows], tables: Mapping[str, pa.Table]
+) -> str:
+    """Return what recording, cameras, calibrations and methods these are, and how to read them."""
+    parts = [_recording_text(recording)]
+    for rows in cameras:
+        parts.append(_camera_text(rows))
+    parts.append(_methods_text(cameras))
+    calibrations = tables.get("calibrations")
+    if calibrations is not None and calibrations.num_rows:
+        parts.append(_calibrations_text(calibrations))
+    parts.append(_reading_text(cameras))
+    return "\n\n".join(parts)
 
 
-def about_text(recording: Mapping[str, Any], frames: Mapping[str, pd.DataFrame]) -> str:
-    """Return what recording, cameras and methods these are."""
-    lines = [
-        f"# {markdown_safe(recording['file_name'])}",
-        f"{recording['frame_count']:,} frames, SHA-256 `{recording['content_sha256']}`",
-    ]
-    if recording["damaged"]:
-        lines.append(f"**Damaged**: {recording['frames_lost']:,} frames were lost.")
-    for camera in _records(frames["cameras"]):
-        lines.append(f"## Camera {markdown_safe(camera['camera'])}")
-        lines.append(_lens_text(camera))
-        lines.append(_pose_text(camera))
-    methods = [m for m in METHOD_ORDER if m in set(frames["estimates"]["method"])]
-    lines.append("## Methods")
-    lines.append(f"Used: {', '.join(methods) or 'none'}. The first is drawn.")
-    lines.append(
-        "Depth is along the optical axis. Intervals and bands hold 95 %, if the errors are normal. "
-        "A height marked as assumed is the population's mean, not a measurement."
-    )
+def _recording_text(recording: Mapping[str, Any]) -> str:
+    lines = [f"# {markdown(recording['file_name'])}"]
+    frames = recording.get("frame_count")
+    start, end = recording.get("start_time_ns"), recording.get("end_time_ns")
+    facts = [f"{frames:,} frames" if frames is not None else ""]
+    if start is not None and end is not None:
+        facts.append(f"{_clock(start)} to {_clock(end)} UTC ({(end - start) / 1e9:,.1f} s)")
+    lines.append(", ".join(fact for fact in facts if fact))
+    if recording.get("damaged"):
+        lines.append(
+            f"**Damaged**: {recording.get('frames_lost') or 0:,} frames were lost; see Diagnostics."
+        )
+    version = recording.get("software_version") or __version__
+    made = f"stadimeter {markdown(version)}"
+    if recording.get("run_id"):
+        made += f", run `{markdown(recording['run_id'])}`"
+    sha = recording.get("content_sha256") or recording["recording_id"]
+    lines.append(f"Measured by {made}. Content `{markdown(sha)}`.")
     return "\n\n".join(line for line in lines if line)
 
 
+def _clock(time_ns: int) -> str:
+    try:
+        moment = datetime.fromtimestamp(time_ns / 1e9, UTC)
+    except (OverflowError, ValueError, OSError):
+        return f"{time_ns:,} ns"
+    return moment.strftime("%Y-%m-%d %H:%M:%S")
+
+
+def _camera_text(rows: CameraRows) -> str:
+    camera = rows.camera
+    lines = [f"## Camera {markdown(rows.name)}", _lens_text(camera), _pose_text(camera)]
+    rate_hz = rows.frames.rate_hz()
+    seen = f"{len(rows.frames):,} frames"
+    if rate_hz and not rows.is_series_of_pictures:
+        seen += f" at {rate_hz:.3g} a second"
+    things = f"{len(rows.observations):,} observations of {len(rows.tracks.track_id):,} tracks"
+    lines.append(f"{seen}, {things}.")
+    return "\n\n".join(lines)
+
+
 def _lens_text(camera: Mapping[str, Any]) -> str:
-    if pd.isna(camera["fx_px"]):
+    if camera["fx_px"] is None:
         return "No lens data: no distance can be told."
-    source = {
-        "recording": "from the recording",
-        "camera_file": "from the camera file",
-        "lens_data": "from focal length and pixel pitch",
-    }.get(camera["intrinsics_source"], "")
-    return (
-        f"{camera['width_px']} x {camera['height_px']} px, focal length "
-        f"{camera['fx_px']:.1f} x {camera['fy_px']:.1f} px {source}."
-    )
+    source = INTRINSICS_TEXTS.get(camera["intrinsics_source"], "")
+    lens = f"focal length {camera['fx_px']:.1f} x {camera['fy_px']:.1f} px"
+    distorted = any(camera["distortion"] or [])
+    note = " Its distortion is reckoned with, but not drawn in the scene." if distorted else ""
+    return f"{camera['width_px']} x {camera['height_px']} px, {lens} {source}.{note}"
 
 
 def _pose_text(camera: Mapping[str, Any]) -> str:
-    if pd.isna(camera["camera_height_m"]):
-        return "The pose above the ground is not known."
-    by = "found from the people who walk" if camera["pose_source"] == "walkers" else "given"
-    return (
-        f"{camera['camera_height_m']:.2f} ± {1.96 * camera['camera_height_std_m']:.2f} m above the "
-        f"ground, tilted by {math.degrees(camera['tilt_rad']):.1f} ± "
-        f"{1.96 * math.degrees(camera['tilt_std_rad']):.1f} degrees (95 %), {by}."
-    )
+    if camera["camera_height_m"] is None:
+        return "The pose above the ground is not known; the scene is drawn around the optical axis."
+    height = with_interval(camera["camera_height_m"], camera["camera_height_std_m"], 2)
+    tilt = with_interval(_degrees(camera["tilt_rad"]), _degrees(camera["tilt_std_rad"]), 1)
+    by = POSE_TEXTS.get(camera["pose_source"], "given")
+    return f"{height} m above the ground, tilted down by {tilt} degrees (95 %), {by}."
 
 
-def tracks_text(track_heights: pd.DataFrame) -> str:
-    """Return a table of the tracks by the best method of each."""
-    if track_heights.empty:
-        return "No tracks."
-    rank = {method: i for i, method in enumerate(METHOD_ORDER)}
-    ordered = track_heights.assign(rank=track_heights["method"].map(rank).fillna(99))
-    best = ordered.sort_values(["camera", "track_id", "rank"]).drop_duplicates(
-        ["camera", "track_id"]
-    )
+def _degrees(angle_rad: float | None) -> float | None:
+    return None if angle_rad is None else math.degrees(angle_rad)
+
+
+def with_interval(value: float | None, std: float | None, digits: int) -> str:
+    """Return a value with its 95 % interval, as far as they are known."""
+    if value is None or not math.isfinite(value):
+        return ""
+    if std is None or not math.isfinite(std):
+        return f"{value:.{digits}f}"
+    return f"{value:.{digits}f} ± {Z_95 * std:.{digits}f}"
+
+
+def _methods_text(cameras: Sequence[CameraRows]) -> str:
+    used = {m: int((rows.best_method == m).sum()) for rows in cameras for m in rows.methods}
+    if not used:
+        return "## Methods\n\nNo distance was estimated."
+    lines = ["## Methods", "An observation is drawn by the first of these that has a depth for it:"]
+    names = [str(m) for m in METHOD_ORDER if m in used]
+    names += sorted(set(used) - set(names))
+    items = []
+    for method in names:
+        drawn = sum(int((rows.best_method == method).sum()) for rows in cameras)
+        text = METHOD_TEXTS.get(method, "")
+        items.append(f"- **{markdown(method)}**: {text} (drawn: {drawn:,})")
+    lines.append("\n".join(items))
+    return "\n\n".join(lines)
+
+
+def _calibrations_text(calibrations: pa.Table) -> str:
     lines = [
-        "| track | frames | depth m | height m (95 %) | method |",
-        "|--:|--:|--:|--:|:--|",
+        "## Calibrations",
+        "| camera | class | side | method | parameter | value | source |\n|:--|:--|:--|:--|:--|--:|:--|",
     ]
-    for row in _records(best.head(MAX_ROWS)):
-        height = ""
-        if pd.notna(row["height_m"]):
-            height = f"{row['height_m']:.2f} ± {1.96 * row['height_std_m']:.2f}"
-            height += " assumed" if row["height_assumed"] else ""
-        depth = f"{row['depth_min_m']:.1f} to {row['depth_max_m']:.1f}"
-        lines.append(
-            f"| #{row['track_id']} | {row['observation_count']:,} | {depth} | {height} "
-            f"| {row['method']} |"
+    for row in calibrations.slice(0, MAX_ROWS).to_pylist():
+        at = f" at f/{row['f_number']:g}" if row["f_number"] is not None else ""
+        cells = (row["camera"] or "any", row["object_class"], row["dimension"], row["method"])
+        value = with_interval(row["value"], row["std_error"], 4)
+        named = [markdown(cell) for cell in cells]
+        lines[-1] += (
+            f"\n| {' | '.join(named)} | {markdown(row['parameter'])}{at} | {value} "
+            f"| {markdown(row['source'] or '')} |"
         )
+    return "\n\n".join(lines)
+
+
+def _reading_text(cameras: Sequence[CameraRows]) -> str:
+    lines = [
+        "## How to read it",
+        "Depth is the distance along the optical axis. Intervals and bands hold 95 % if errors are "
+        "normal: 1.96 standard deviations to either side. Rerun calls the square of that half width "
+        "the variance of a curve.",
+        'A label says the number of the track, its depth and its height. "height assumed" marks a '
+        "height that was put in, not measured; such a height is in no curve.",
+        '"Not one object" marks a height that one object of its class cannot have: two people in '
+        "one box, or half of one.",
+        "What is true is white; where the true size of a thing is not known its block has the size "
+        "that was seen. Trails and curves have the colour of their track.",
+    ]
+    many = [rows for rows in cameras if len(rows.tracks.track_id) > CURVES_SHOWN]
+    if any(not rows.is_series_of_pictures for rows in many):
+        lines.append(
+            f"Plots open with the {CURVES_SHOWN} longest tracks of a camera; the blueprint panel "
+            f"switches on others, up to {CURVES_KEPT}. All are in the database."
+        )
+    return "\n\n".join(lines)
+
+
+def tracks_text(track_heights: pa.Table, tracks: pa.Table, cameras: Sequence[CameraRows]) -> str:
+    """Return a table of the tracks, each by its best method, the longest first if there are many."""
+    rank = {str(method): i for i, method in enumerate(METHOD_ORDER)}
+    best: dict[tuple[str, int], dict[str, Any]] = {}
+    for row in track_heights.to_pylist():
+        key = (row["camera"], row["track_id"])
+        if key not in best or rank.get(row["method"], 99) < rank.get(best[key]["method"], 99):
+            best[key] = row
+    if not best:
+        return "No track has a distance."
+    about = {(row["camera"], row["track_id"]): row for row in tracks.to_pylist()}
+    several = len(cameras) > 1
+    head = ["camera"] if several else []
+    head += ["track", "class", "frames", "from", "to", "depth, m", "height, m (95 %)", "method"]
+    lines = [
+        _table_row(head),
+        _table_row([":--" if h in TEXT_COLUMNS else "--:" for h in head]),
+    ]
+    rows = sorted(best.items())
+    if len(rows) > MAX_ROWS:
+        rows = sorted(sorted(rows, key=lambda r: -r[1]["observation_count"])[:MAX_ROWS])
+    for (camera, track_id), row in rows:
+        track = about.get((camera, track_id), {})
+        cells = [markdown(camera)] if several else []
+        cells += [
+            f"#{track_id}",
+            markdown(track.get("class_name") or ""),
+            f"{row['observation_count']:,}",
+            str(track.get("first_frame_index", "")),
+            str(track.get("last_frame_index", "")),
+            _range_text(row["depth_min_m"], row["depth_max_m"]),
+            _height_text(row),
+            markdown(row["method"]),
+        ]
+        lines.append(_table_row(cells))
     if len(best) > MAX_ROWS:
-        lines.append(f"\n{len(best) - MAX_ROWS:,} more are in the database.")
+        lines.append(f"\nThe {MAX_ROWS} longest of {len(best):,}; the others are in the database.")
     return "\n".join(lines)
 
 
-def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return rows as dictionaries by column name."""
-    return [{str(k): v for k, v in row.items()} for row in frame.to_dict("records")]
+def _height_text(row: Mapping[str, Any]) -> str:
+    text = with_interval(row["height_m"], row["height_std_m"], 2)
+    if text and row["height_assumed"]:
+        return f"{text} assumed"
+    if text and row.get("height_plausible") is False:
+        return f"{text}: not one object"
+    return text
+
+
+def _range_text(low_m: float | None, high_m: float | None) -> str:
+    if low_m is None or high_m is None:
+        return ""
+    digits = 1 if high_m >= 3 else 2
+    low, high = f"{low_m:.{digits}f}", f"{high_m:.{digits}f}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _table_row(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"

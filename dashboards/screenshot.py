@@ -1,65 +1,93 @@
-"""A picture of a timeline as a reviewer sees it, made without a screen.
+"""Pictures of a timeline as a reviewer sees it, made without a screen.
 
     python -m dashboards.screenshot out/demo/street.rrd docs/street.png --frame 100
+    python -m dashboards.screenshot out/demo/street.rrd a.png --frame 10 b.png --frame 90
 
 Needs a Vulkan driver; Debian's `mesa-vulkan-drivers` renders in software. The viewer listens on the
-loopback only, and is stopped at the end.
+loopback only, and is stopped at the end. Exit code 1 if a view complains.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import socket
 import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
-import rerun_cli
-from rerun.experimental import ViewerClient
+import cv2
+import numpy as np
 
-from dashboards.scene import FRAME
+from dashboards.stream import FRAME
+from pipeline.errors import StadimeterError, Where
 
 START_S, LOADING_S = 60.0, 60.0
-# The viewer's own notices lie over the panels for some seconds.
+# The viewer's own notices lie over the panels for some seconds after its start.
 NOTICES_S = 6.0
+BAR_PX = 37  # the window's own bar, which tells of this machine
+DRIVERS = ("/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d")
 
 
 class Viewer:
     """A headless viewer that shows one recording."""
 
-    def __init__(self, client: ViewerClient) -> None:
-        self._client = client
+    def __init__(self, client: object) -> None:
+        self._client: object = client
+        self._started = time.monotonic()
 
     def show_frame(self, frame_index: int) -> None:
         """Move the time to a frame, and wait until everything is drawn."""
-        self._client.set_time(FRAME, sequence=frame_index, play_state="paused")
-        self.wait()
+        self._client.set_time(FRAME, sequence=frame_index, play_state="paused")  # type: ignore[attr-defined]
+        self._wait()
 
-    def wait(self) -> None:
-        """Wait until no view is loading.
-
-        Raises:
-            TimeoutError: it takes more than a minute.
-        """
+    def _wait(self) -> None:
         deadline = time.monotonic() + LOADING_S
         calm = 0
         while calm < 3:  # a view may begin to load only after the next frame is drawn
             if time.monotonic() > deadline:
-                raise TimeoutError("the viewer is still loading")
+                raise StadimeterError("the viewer is still loading after a minute")
             time.sleep(0.3)
-            calm = 0 if self._client.get_state().loading else calm + 1
+            calm = 0 if self._client.get_state().loading else calm + 1  # type: ignore[attr-defined]
 
     def reports(self) -> list[str]:
-        """Return what the views complain of."""
-        views = self._client.get_state().views
+        """Return what the views complain of, hidden ones too."""
+        views = self._client.get_state().views  # type: ignore[attr-defined]
         return [f"{view.name}: {report}" for view in views for report in view.reports]
 
-    def picture(self) -> bytes:
-        """Return a PNG of the whole window."""
-        return bytes(self._client.take_screenshot())
+    def views(self) -> list[str]:
+        """Return the names of the views that can be seen."""
+        views = self._client.get_state().views  # type: ignore[attr-defined]
+        return [view.name for view in views if view.visible]
+
+    def picture(self, *, without_notices: bool = False) -> bytes:
+        """Return a PNG of the whole window; waits for the viewer's notices to go if asked."""
+        if without_notices:
+            time.sleep(max(0.0, self._started + NOTICES_S - time.monotonic()))
+        return bytes(self._client.take_screenshot())  # type: ignore[attr-defined]
+
+    def save(self, target: Path) -> None:
+        """Write a picture of the views, without the bar above them; PNG or JPEG by its name."""
+        png = np.frombuffer(self.picture(without_notices=True), np.uint8)
+        window = np.asarray(cv2.imdecode(png, cv2.IMREAD_COLOR))[BAR_PX:]
+        quality = () if target.suffix == ".png" else (cv2.IMWRITE_JPEG_QUALITY, 88)
+        encoded = cv2.imencode(target.suffix, window, quality)[1]
+        target.write_bytes(encoded.tobytes())
+
+
+def missing() -> str:
+    """Return what is missing for a picture, as a sentence; empty if nothing is."""
+    if importlib.util.find_spec("rerun_cli") is None:
+        return "there is no Rerun viewer (pip install rerun-sdk)"
+    if not any(Path(folder).is_dir() and any(Path(folder).iterdir()) for folder in DRIVERS):
+        return "there is no Vulkan driver (Debian: apt install mesa-vulkan-drivers)"
+    return ""
 
 
 @contextmanager
@@ -67,34 +95,42 @@ def viewer(recording: Path, *, size: str = "1920x1080") -> Iterator[Viewer]:
     """Open a recording in a headless viewer on the loopback.
 
     Raises:
-        RuntimeError: the viewer does not start (most often there is no Vulkan driver).
+        StadimeterError: the viewer does not start, or does not answer.
     """
+    import rerun_cli  # not in every installation
+
     binary = Path(rerun_cli.__file__).with_name("rerun")
     port = _free_port()
     command = [str(binary), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
     command += ["--window-size", size, "--hide-welcome-screen", str(recording)]
     environment = os.environ | {"RERUN_ANALYTICS": "false", "RUST_LOG": "error"}
-    process = subprocess.Popen(  # noqa: S603  (our own arguments)
-        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    try:
-        yield Viewer(_connect(process, port))
-    finally:
-        process.terminate()
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(  # noqa: S603  (our own arguments)
+            command, env=environment, stdout=subprocess.DEVNULL, stderr=said
+        )
         try:
-            process.wait(10)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+            yield Viewer(_connect(process, port, said, recording))
+        finally:
+            process.terminate()
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
 
 
-def _connect(process: subprocess.Popen[bytes], port: int) -> ViewerClient:
+def _connect(
+    process: subprocess.Popen[bytes], port: int, said: IO[bytes], recording: Path
+) -> object:
+    from rerun.experimental import ViewerClient
+
     deadline = time.monotonic() + START_S
     while time.monotonic() < deadline:
         if process.poll() is not None:
-            raise RuntimeError(
-                "the Rerun viewer ended at once; is there a Vulkan driver "
-                "(Debian: mesa-vulkan-drivers)?"
+            raise StadimeterError(
+                f"the Rerun viewer ended at once: {_last_words(said)}",
+                where=Where(recording),
+                remedy="Is there a Vulkan driver? Debian's is in mesa-vulkan-drivers",
             )
         try:
             client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
@@ -103,7 +139,17 @@ def _connect(process: subprocess.Popen[bytes], port: int) -> ViewerClient:
         except Exception:  # noqa: S110  (the client's errors have no common type)
             pass
         time.sleep(0.3)
-    raise RuntimeError("the Rerun viewer does not answer")
+    raise StadimeterError("the Rerun viewer does not answer", where=Where(recording))
+
+
+def _last_words(said: IO[bytes]) -> str:
+    said.seek(0)
+    lines = said.read().decode("utf-8", "replace").splitlines()
+    panic = next((i for i, line in enumerate(lines) if "panicked at" in line), None)
+    if panic is not None:
+        return lines[panic].strip()
+    spoken = [line.strip() for line in lines if "rror" in line]
+    return spoken[-1] if spoken else "it said nothing"
 
 
 def _free_port() -> int:
@@ -113,21 +159,27 @@ def _free_port() -> int:
         return port
 
 
-def main() -> None:
-    """Write a PNG of a recording at a frame."""
-    parser = argparse.ArgumentParser(description="Render a timeline to a PNG.")
+def main() -> int:
+    """Write PNGs of a recording, each at a frame."""
+    parser = argparse.ArgumentParser(description="Render a timeline to PNGs.")
     parser.add_argument("recording", type=Path)
-    parser.add_argument("picture", type=Path)
-    parser.add_argument("--frame", type=int, default=0)
+    parser.add_argument("pictures", type=Path, nargs="+")
+    parser.add_argument("--frame", type=int, action="append", help="one for each picture, in order")
     parser.add_argument("--size", default="1920x1080")
-    arguments = parser.parse_args()
+    arguments = parser.parse_intermixed_args()
+    frames = arguments.frame or [0] * len(arguments.pictures)
+    if len(frames) != len(arguments.pictures):
+        parser.error("give --frame once for each picture")
+    reports = []
     with viewer(arguments.recording, size=arguments.size) as shown:
-        shown.show_frame(arguments.frame)
-        time.sleep(NOTICES_S)
-        arguments.picture.write_bytes(shown.picture())
-        for report in shown.reports():
-            print(report)
+        for picture, frame in zip(arguments.pictures, frames, strict=True):
+            shown.show_frame(frame)
+            shown.save(picture)
+            reports += shown.reports()
+    for report in dict.fromkeys(reports):
+        print(report, file=sys.stderr)
+    return 1 if reports else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

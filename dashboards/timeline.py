@@ -2,43 +2,47 @@
 
 Pictures pass through undecoded. Everything is sent as columns; nothing is logged object by object.
 
-    CAMERA/camera/image        the pictures
-    CAMERA/camera/tracks       boxes in the picture, labelled with depth and height
-    CAMERA/people, /trail      the same people on the ground, in metres
-    CAMERA/depth/METHOD/TRACK  depth over time; the band is the 95 % interval
-    CAMERA/height/METHOD/TRACK height over time, where it was measured
-    CAMERA/exposure/NAME       f-number, EV100, luminance
-    about, tracks, diagnostics what recording this is, its tracks, and what was wrong with it
+    cameras/NAME/camera              the lens, and where it is
+    cameras/NAME/camera/image        the pictures
+    cameras/NAME/camera/tracks       boxes in the picture; labels and truth beside them
+    cameras/NAME/people, truth       blocks where things stand and where they truly were, in metres
+    cameras/NAME/trails/AGE          where they came from
+    cameras/NAME/depth/METHOD/TRACK  depth over time; METHOD `best` is what the picture shows
+    cameras/NAME/height/METHOD/TRACK height over time, where it was measured
+    cameras/NAME/exposure/WHAT       f-number, EV100, luminance
+    about, tracks, diagnostics       what recording this is, its tracks, and what was wrong with it
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import rerun as rr
 
-from dashboards.blueprint import CameraView, blueprint
+from dashboards.blueprint import APPLICATION, blueprint, camera_view
+from dashboards.columns import CameraRows, camera_rows
+from dashboards.curves import log_curves, log_exposure
 from dashboards.documents import about_text, tracks_text
-from dashboards.scene import FRAME, TIME, TRUTH_COLOUR, Pose, best_method, colours_of, path
+from dashboards.names import path, visible
+from dashboards.picture import log_boxes
+from dashboards.scene import log_camera, log_people
+from dashboards.stream import clocks, logged_markdown
+from pipeline.errors import StadimeterError, Where
+from pipeline.records import IntArray
 
 # Pictures are sent in batches: large enough for columns to pay, small enough for a flat memory.
 BATCH_BYTES = 8 * 1024**2
-# Curves of more tracks than this would hide each other; all are in the database.
-MAX_CURVES = 200
-# rr.Measurements draws one standard deviation; a variance of (1.96 s)^2 makes it the 95 % interval.
-Z_95 = 1.96
-MEDIA_TYPES = {"jpeg": "image/jpeg", "jpg": "image/jpeg", "png": "image/png", "webp": "image/webp"}
-TRUNK_M = 0.22  # half the breadth of a person drawn in the scene; not measured
+# What a picture is, by its first bytes; what the recording calls it may be anything.
+SIGNATURES = ((b"\xff\xd8\xff", "image/jpeg"), (b"\x89PNG", "image/png"), (b"RIFF", "image/webp"))
+LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
 
-@dataclass(frozen=True, slots=True)
-class StillEncoded:
+class StillEncoded(NamedTuple):
     """One picture on its way through."""
 
     camera: str
@@ -51,320 +55,138 @@ class StillEncoded:
 def write_timeline(
     target: Path,
     recording: Mapping[str, Any],
-    images: Iterable[StillEncoded],
+    images: Iterable[StillEncoded | tuple[str, int, int, str, bytes]],
     tables: Mapping[str, pa.Table],
 ) -> None:
     """Write a `.rrd`, and its blueprint as `.rbl` beside it; they appear when they are complete.
 
     Args:
         target: the file to write.
-        recording: the row of the table `recordings`.
+        recording: the row of the table `recordings`; `software_version` may stand in it.
         images: the pictures, in any order.
-        tables: rows of that recording: cameras, frames, tracks, observations, estimates,
-            track_heights, ground_truth, diagnostics.
+        tables: rows of that recording: cameras, frames, tracks, observations, estimates, track_heights,
+            ground_truth, diagnostics; matches and calibrations where there are any.
+
+    Raises:
+        StadimeterError: the files cannot be written.
     """
-    frames = {name: table.to_pandas() for name, table in tables.items()}
-    views = [_view_of(camera, frames) for camera in tables["cameras"].to_pylist()]
-    layout = blueprint(views)
-    part = target.with_name(target.name + ".part")
+    cameras = [camera_rows(row, tables) for row in tables["cameras"].to_pylist()]
+    layout = blueprint([camera_view(rows) for rows in cameras])
+    part = target.with_name(f"{target.name}.part")
     target.parent.mkdir(parents=True, exist_ok=True)
-    stream = rr.RecordingStream("stadimeter", recording_id=str(recording["recording_id"]))
-    stream.save(part, default_blueprint=layout)
-    with stream:
-        stream.send_recording_name(str(recording["file_name"]))
-        _log_documents(recording, frames)
-        for camera, view in zip(tables["cameras"].to_pylist(), views, strict=True):
-            _log_camera(camera, view, frames)
-        _log_images(images)
-        _log_diagnostics(frames["diagnostics"])
-    stream.disconnect()
+    stream = rr.RecordingStream(APPLICATION, recording_id=str(recording["recording_id"]))
+    try:
+        stream.save(part, default_blueprint=layout)
+        stream.send_recording_name(visible(recording["file_name"]))
+        about = about_text(recording, cameras, tables)
+        tracks = tracks_text(tables["track_heights"], tables["tracks"], cameras)
+        logged_markdown(stream, [("about", about), ("tracks", tracks)])
+        for rows in cameras:
+            _log_camera(stream, rows, tables["estimates"])
+        _log_diagnostics(stream, tables["diagnostics"], tables["frames"])
+        _log_images(stream, images, _undecodable(tables["frames"]))
+        stream.flush()
+        stream.disconnect()
+        part.replace(target)
+        _save_layout(layout, target.with_suffix(".rbl"))
+    except (OSError, RuntimeError) as error:
+        raise StadimeterError(
+            f"the timeline cannot be written: {error}",
+            where=Where(target),
+            remedy="Check that there is room on the disk and that the folder can be written",
+        ) from error
+    finally:
+        stream.disconnect()
+        part.unlink(missing_ok=True)
+
+
+def _save_layout(layout: Any, target: Path) -> None:
+    part = target.with_name(f"{target.name}.part")
+    layout.save(APPLICATION, str(part))
     part.replace(target)
-    layout.save("stadimeter", str(target.with_suffix(".rbl")))
 
 
-def _view_of(camera: Mapping[str, Any], frames: Mapping[str, pd.DataFrame]) -> CameraView:
-    name = camera["camera"]
-    mine = frames["observations"].query("camera == @name")
-    merged = frames["estimates"].merge(mine[["observation_index"]], on="observation_index")
-    exposure = frames["frames"].query("camera == @name")
-    truth = frames["ground_truth"].query("camera == @name")
-    best = best_method(set(merged["method"]))
-    return CameraView(
-        camera=name,
-        method=best,
-        pose_known=camera["camera_height_m"] is not None,
-        camera_height_m=float(camera["camera_height_m"] or 0.0),
-        depth_m=_range_of(merged["depth_m"], merged["method"] == best),
-        height_m=_range_of(merged["height_m"], merged["method"] == best),
-        has_heights=bool((~merged["height_assumed"] & merged["height_m"].notna()).any()),
-        has_exposure=bool(exposure["f_number"].notna().any()),
-        has_truth=bool(truth["depth_m"].notna().any()),
-    )
+def _log_camera(stream: rr.RecordingStream, rows: CameraRows, estimates: pa.Table) -> None:
+    view = camera_view(rows)
+    log_camera(stream, rows, frustum_m=view.middle_m / 5)
+    log_boxes(stream, rows)
+    log_people(stream, rows)
+    log_curves(stream, rows, estimates)
+    log_exposure(stream, rows)
 
 
-def _range_of(values: pd.Series, chosen: pd.Series) -> tuple[float, float, float]:
-    """Return the low end, the middle and the high end of what a plot shows: outliers may leave it."""
-    known = values[chosen].dropna()
-    if known.empty:
-        return 0.0, 1.0, 2.0
-    low, middle, high = (float(known.quantile(q)) for q in (0.01, 0.5, 0.99))
-    margin = 0.1 * (high - low) + 0.02 * middle
-    return low - margin, middle, high + margin
-
-
-def _log_camera(
-    camera: Mapping[str, Any], view: CameraView, frames: Mapping[str, pd.DataFrame]
+def _log_images(
+    stream: rr.RecordingStream,
+    images: Iterable[StillEncoded | tuple[str, int, int, str, bytes]],
+    undecodable: frozenset[tuple[str, int]],
 ) -> None:
-    name, pose = view.camera, Pose.of(dict(camera))
-    rr.log(path(name), rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    rr.log(
-        path(name, "camera"),
-        rr.Transform3D(translation=[0, 0, pose.height_m], mat3x3=pose.world_from_camera()),
-        static=True,
-    )
-    if camera["fx_px"] is not None:
-        rr.log(
-            path(name, "camera"),
-            rr.Pinhole(
-                image_from_camera=[
-                    [camera["fx_px"], 0, camera["cx_px"]],
-                    [0, camera["fy_px"], camera["cy_px"]],
-                    [0, 0, 1],
-                ],
-                resolution=[camera["width_px"], camera["height_px"]],
-                camera_xyz=rr.ViewCoordinates.RDF,
-                image_plane_distance=max(view.depth_m[1] / 6, 0.05),
-            ),
-            static=True,
-        )
-    times = frames["frames"].query("camera == @name").sort_values("frame_index")
-    seen = frames["observations"].query("camera == @name")
-    seen = seen.merge(times[["frame_index", "capture_time_ns"]], on="frame_index")
-    shown = frames["estimates"].query("method == @view.method")
-    shown = shown.drop(columns=["recording_id", "run_id"], errors="ignore")
-    drawn = seen.merge(shown, on="observation_index", how="left").sort_values(
-        ["frame_index", "track_id"]
-    )
-    _log_boxes(name, drawn, times)
-    if camera["fx_px"] is not None:
-        _log_people(name, drawn, times, pose)
-    _log_curves(view, seen, frames["estimates"])
-    _log_truth(name, frames["ground_truth"].query("camera == @name"), times)
-    _log_exposure(name, times)
+    """Send the pictures as they are, in batches.
 
-
-def _log_boxes(name: str, drawn: pd.DataFrame, times: pd.DataFrame) -> None:
-    """Log all boxes of each frame at once; a frame without any clears those of the one before."""
-    counts = _counts(drawn, times)
-    low = drawn[["x_min_px", "y_min_px"]].to_numpy()
-    high = drawn[["x_max_px", "y_max_px"]].to_numpy()
-    # Rerun puts the corner of the first pixel, not its centre, at (0, 0).
-    columns = rr.Boxes2D.columns(
-        centers=(low + high) / 2 + 0.5,
-        half_sizes=(high - low) / 2,
-        colors=colours_of(drawn["track_id"].to_numpy()),
-    )
-    rr.send_columns(path(name, "camera", "tracks"), _index(times), columns.partition(counts))
-    # A box wraps its label to its own width; a point under its feet does not.
-    feet = np.column_stack([(low[:, 0] + high[:, 0]) / 2, high[:, 1]]) + 0.5
-    labels = rr.Points2D.columns(
-        positions=feet,
-        colors=colours_of(drawn["track_id"].to_numpy()),
-        radii=np.full(len(drawn), 1.5),
-        labels=_labels(drawn),
-        show_labels=np.ones(len(drawn), dtype=bool),
-    )
-    rr.send_columns(path(name, "camera", "labels"), _index(times), labels.partition(counts))
-
-
-def _labels(drawn: pd.DataFrame) -> list[str]:
-    """Return number, depth and height with 95 % intervals, a line each; no spaces, which would wrap.
-
-    A height that was assumed is not shown.
+    A picture that cannot be decoded is left out, so that its frame shows none, not the one before.
     """
-    labels = []
-    columns = ("track_id", "depth_m", "depth_std_m", "height_m", "height_std_m", "height_assumed")
-    for track, depth, depth_std, height, height_std, assumed in zip(
-        *(drawn[c].to_numpy() for c in columns), strict=True
-    ):
-        lines = [f"#{track}"]
-        if pd.notna(depth):
-            lines.append(_with_interval(depth, depth_std))
-        if pd.notna(height) and assumed is not True:
-            lines.append(f"↕{_with_interval(height, height_std)}")
-        labels.append("\n".join(lines))
-    return labels
+    for camera, batch in _batches(images):
+        kept = [p for p in batch if p[4] and (camera, p[1]) not in undecodable]
+        shown = np.array([bool(p[4]) and (camera, p[1]) not in undecodable for p in batch])
+        columns = rr.EncodedImage.columns(
+            blob=[p[4] for p in kept], media_type=[_media_type(p[4]) for p in kept]
+        )
+        index = clocks(
+            np.array([p[1] for p in batch], dtype=np.int64),
+            np.array([p[2] for p in batch], dtype=np.int64),
+        )
+        entity = path("cameras", camera, "camera", "image")
+        stream.send_columns(entity, index, columns.partition(shown.astype(np.int64)))
 
 
-def _with_interval(value: float, std: float) -> str:
-    half = Z_95 * std
-    digits = 2 if half < 0.3 else 1 if half < 3 else 0
-    return f"{value:.{digits}f}±{half:.{digits}f}m"
+def _media_type(image: bytes) -> str:
+    return next((kind for start, kind in SIGNATURES if image.startswith(start)), "image/jpeg")
 
 
-def _log_people(name: str, drawn: pd.DataFrame, times: pd.DataFrame, pose: Pose) -> None:
-    """Log each object where it stands, at its size, and a point for its trail."""
-    placed = drawn[drawn["x_m"].notna() & drawn["y_m"].notna()]
-    height = placed["height_m"].fillna(0.0).to_numpy()
-    counts = _counts(placed, times)
-    colours = colours_of(placed["track_id"].to_numpy())
-    ground = placed[["x_m", "y_m"]].to_numpy()
-    base = np.zeros(len(placed)) if pose.known else -height / 2
-    breadth = np.minimum(TRUNK_M, height / 4)
-    boxes = rr.Boxes3D.columns(
-        centers=np.column_stack([ground, base + height / 2]),
-        half_sizes=np.column_stack([breadth, breadth, height / 2]),
-        colors=colours,
-        labels=[f"#{t}" for t in placed["track_id"]],
-    )
-    rr.send_columns(path(name, "people"), _index(times), boxes.partition(counts))
-    points = rr.Points3D.columns(
-        positions=np.column_stack([ground, base]),
-        colors=colours,
-        radii=np.full(len(placed), max(float(np.median(height)) / 40, 0.001) if len(placed) else 1),
-    )
-    rr.send_columns(path(name, "trail"), _index(times), points.partition(counts))
-
-
-def _log_curves(view: CameraView, seen: pd.DataFrame, estimates: pd.DataFrame) -> None:
-    """Log depth and measured height over time, a curve a track a method."""
-    columns = ["observation_index", "frame_index", "capture_time_ns", "track_id"]
-    rows = estimates.merge(seen[columns], on="observation_index").sort_values("frame_index")
-    one_by_one = not seen.duplicated("frame_index").any()
-    longest = seen["track_id"].value_counts().index[:MAX_CURVES]
-    for method, of_method in rows.groupby("method"):
-        if one_by_one:  # one object a frame, as in a series of photographs: one curve
-            tracks: Iterable[tuple[str, int, pd.DataFrame]] = [("all", 0, of_method)]
-        else:
-            chosen = of_method[of_method["track_id"].isin(longest)]
-            tracks = ((f"#{t}", int(str(t)), group) for t, group in chosen.groupby("track_id"))
-        for label, number, track in tracks:
-            colour = colours_of(np.array([number]))[0]
-            title = method if one_by_one else label
-            _log_curve(view.camera, "depth", str(method), label, track, colour, str(title))
-            measured = track[track["height_m"].notna() & ~track["height_assumed"].astype(bool)]
-            _log_curve(view.camera, "height", str(method), label, measured, colour, str(title))
-
-
-def _log_curve(
-    name: str,
-    quantity: str,
-    method: str,
-    label: str,
-    track: pd.DataFrame,
-    colour: np.ndarray,
-    title: str,
-) -> None:
-    if track.empty:
-        return
-    entity = path(name, quantity, method, label)
-    rr.log(entity, rr.Measurements.from_fields(names=[title], colors=[colour]), static=True)
-    columns = rr.Measurements.columns(
-        values=track[f"{quantity}_m"].to_numpy(),
-        variances=(Z_95 * track[f"{quantity}_std_m"].fillna(0.0).to_numpy()) ** 2,
-    )
-    rr.send_columns(entity, _index(track), columns)
-
-
-def _log_truth(name: str, truth: pd.DataFrame, times: pd.DataFrame) -> None:
-    rows = truth.merge(times[["frame_index", "capture_time_ns"]], on="frame_index")
-    rows = rows.sort_values("frame_index")
-    for quantity in ("depth", "height"):
-        known = rows[rows[f"{quantity}_m"].notna()]
-        if known.empty:
-            continue
-        one_by_one = not known.duplicated("frame_index").any()
-        groups = [("all", known)] if one_by_one else list(known.groupby("object_id"))[:MAX_CURVES]
-        for label, group in groups:
-            entity = path(name, quantity, "truth", str(label))
-            style = rr.SeriesPoints(names=["truth"], colors=[TRUTH_COLOUR], marker_sizes=[3])
-            rr.log(entity, style, static=True)
-            columns = rr.Scalars.columns(scalars=group[f"{quantity}_m"].to_numpy())
-            rr.send_columns(entity, _index(group), columns)
-
-
-def _log_exposure(name: str, times: pd.DataFrame) -> None:
-    titles = {"f_number": "f-number", "ev100": "EV100", "luminance": "relative luminance"}
-    for column, title in titles.items():
-        known = times[times[column].notna()]
-        if known.empty:
-            continue
-        entity = path(name, "exposure", column)
-        rr.log(entity, rr.SeriesLines(names=[title]), static=True)
-        rr.send_columns(entity, _index(known), rr.Scalars.columns(scalars=known[column].to_numpy()))
-
-
-def _log_images(images: Iterable[StillEncoded]) -> None:
-    for batch in _batches(images):
-        for camera in {image.camera for image in batch}:
-            mine = [image for image in batch if image.camera == camera]
-            times = pd.DataFrame(
-                {
-                    "frame_index": [i.frame_index for i in mine],
-                    "capture_time_ns": [i.capture_time_ns for i in mine],
-                }
-            )
-            columns = rr.EncodedImage.columns(
-                blob=[i.image for i in mine],
-                media_type=[MEDIA_TYPES.get(i.image_format.lower(), "image/jpeg") for i in mine],
-            )
-            rr.send_columns(path(camera, "camera", "image"), _index(times), columns)
-
-
-def _batches(images: Iterable[StillEncoded]) -> Iterator[list[StillEncoded]]:
-    batch: list[StillEncoded] = []
+def _batches(
+    images: Iterable[StillEncoded | tuple[str, int, int, str, bytes]],
+) -> Iterator[tuple[str, list[StillEncoded | tuple[str, int, int, str, bytes]]]]:
+    """Yield pictures of one camera at a time; all that wait are within the size of a batch."""
+    waiting: dict[str, list[StillEncoded | tuple[str, int, int, str, bytes]]] = {}
     size = 0
     for image in images:
-        batch.append(image)
-        size += len(image.image)
+        waiting.setdefault(image[0], []).append(image)
+        size += len(image[4])
         if size >= BATCH_BYTES:
-            yield batch
-            batch, size = [], 0
-    if batch:
-        yield batch
+            yield from waiting.items()
+            waiting, size = {}, 0
+    yield from waiting.items()
 
 
-def _log_documents(recording: Mapping[str, Any], frames: Mapping[str, pd.DataFrame]) -> None:
-    markdown = rr.MediaType.MARKDOWN
-    about = about_text(recording, frames)
-    rr.log("about", rr.TextDocument(about, media_type=markdown), static=True)
-    table = tracks_text(frames["track_heights"])
-    rr.log("tracks", rr.TextDocument(table, media_type=markdown), static=True)
+def _undecodable(frames: pa.Table) -> frozenset[tuple[str, int]]:
+    lost = frames.filter(pc.invert(frames["decoded"]))
+    return frozenset(zip(lost["camera"].to_pylist(), lost["frame_index"].to_pylist(), strict=True))
 
 
-def _log_diagnostics(diagnostics: pd.DataFrame) -> None:
-    levels = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
-    texts = [
-        f"{code}: {message}" + (f" ({count:,} times)" if count > 1 else "")
-        for code, message, count in zip(
-            diagnostics["code"], diagnostics["message"], diagnostics["count"], strict=True
-        )
-    ]
-    timed = diagnostics["log_time_ns"].notna().to_numpy()
-    for text, level in [
-        (t, s) for t, s, at in zip(texts, diagnostics["severity"], timed, strict=True) if not at
-    ]:
-        rr.log("diagnostics", rr.TextLog(text, level=levels.get(level, "INFO")), static=True)
-    if timed.any():
-        rows = diagnostics[timed]
-        times_ns = rows["log_time_ns"].to_numpy(dtype=np.int64)
-        columns = rr.TextLog.columns(
-            text=[t for t, at in zip(texts, timed, strict=True) if at],
-            level=[levels.get(s, "INFO") for s in rows["severity"]],
-        )
-        index = [rr.TimeColumn(TIME, timestamp=times_ns.astype("datetime64[ns]"))]
-        rr.send_columns("diagnostics", index, columns)
+def _log_diagnostics(stream: rr.RecordingStream, diagnostics: pa.Table, frames: pa.Table) -> None:
+    """Log what was wrong at the frame that it belongs to; what has no time, at the first."""
+    if not diagnostics.num_rows or not frames.num_rows:
+        return
+    frames = frames.sort_by("log_time_ns")
+    log_time_ns = frames["log_time_ns"].to_numpy()
+    rows = diagnostics.to_pylist()
+    at_ns = np.array(
+        [log_time_ns[0] if r["log_time_ns"] is None else r["log_time_ns"] for r in rows]
+    )
+    order = np.argsort(at_ns, kind="stable")
+    at_frame: IntArray = np.searchsorted(log_time_ns, at_ns[order], side="right") - 1
+    at_frame = np.maximum(at_frame, 0)
+    columns = rr.TextLog.columns(
+        text=[_diagnostic_text(rows[i]) for i in order],
+        level=[LEVELS.get(rows[i]["severity"], "INFO") for i in order],
+    )
+    index = clocks(
+        frames["frame_index"].to_numpy()[at_frame].astype(np.int64),
+        frames["capture_time_ns"].to_numpy()[at_frame],
+    )
+    stream.send_columns("diagnostics", index, columns)
 
 
-def _counts(rows: pd.DataFrame, times: pd.DataFrame) -> np.ndarray:
-    """Return how many of the rows belong to each frame of `times`."""
-    count = rows.groupby("frame_index").size()
-    return count.reindex(times["frame_index"], fill_value=0).to_numpy()
-
-
-def _index(rows: pd.DataFrame) -> list[rr.TimeColumn]:
-    times_ns = rows["capture_time_ns"].to_numpy(dtype=np.int64)
-    return [
-        rr.TimeColumn(FRAME, sequence=rows["frame_index"].to_numpy(dtype=np.int64)),
-        rr.TimeColumn(TIME, timestamp=times_ns.astype("datetime64[ns]")),
-    ]
+def _diagnostic_text(row: Mapping[str, Any]) -> str:
+    times = f" ({row['count']:,} times)" if row["count"] > 1 else ""
+    place = f"{visible(row['camera'])}: " if row["camera"] else ""
+    return f"{place}{row['code']}: {visible(row['message'])}{times}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import cv2
@@ -10,9 +9,10 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from dashboards.documents import markdown_safe
-from dashboards.scene import PALETTE, Pose, colours_of, path
-from dashboards.screenshot import viewer
+from dashboards.names import entity_part, markdown, path, visible
+from dashboards.scene import Pose
+from dashboards.screenshot import missing, viewer
+from dashboards.style import PALETTE, track_colours
 from pipeline.config import Config
 from pipeline.diagnostics import Notes
 from pipeline.ingest.frames import FrameAssembler
@@ -53,26 +53,28 @@ def column(batches: list, ending: str) -> list:
 
 
 def test_the_pictures_pass_through_as_they_are(timeline: Path) -> None:
-    blobs = column(entities(timeline)["/cam/camera/image"], "EncodedImage:blob")
+    blobs = column(entities(timeline)["/cameras/cam/camera/image"], "EncodedImage:blob")
     assert len(blobs) == 12
     assert all(bytes(blob[0]) == jpeg() for blob in blobs)
 
 
 def test_boxes_and_curves_are_there_for_every_frame(timeline: Path) -> None:
     found = entities(timeline)
-    centres = column(found["/cam/camera/tracks"], "Boxes2D:centers")
+    centres = column(found["/cameras/cam/camera/tracks"], "Boxes2D:centers")
     assert [len(c) for c in centres] == [2] * 12
-    labels = column(found["/cam/camera/labels"], "Points2D:labels")
-    assert labels[0][0].startswith("#0\n10.0")
+    labels = column(found["/cameras/cam/camera/labels"], "Boxes2D:labels")
+    assert labels[0][0].startswith("#0\u00a010.00\u00a0±\u00a0")
     for track in ("#0", "#1"):
-        entity = next(e for e in found if e.startswith("/cam/depth/ground/") and track[1] in e[-2:])
+        entity = next(
+            e for e in found if e.startswith("/cameras/cam/depth/ground/") and track[1] in e[-2:]
+        )
         values = column(found[entity], "Measurements:values")
         assert [v[0] for v in values if v] == pytest.approx([10.0] * 12)
 
 
 def test_truth_and_text_are_there(timeline: Path) -> None:
     found = entities(timeline)
-    assert any(e.startswith("/cam/depth/truth/") for e in found)
+    assert any(e.startswith("/cameras/cam/depth/truth/") for e in found)
     text = column(found["/about"], "TextDocument:text")[0][0]
     assert "people" in text
     assert "1.50" in text
@@ -89,19 +91,31 @@ def test_names_from_files_cannot_reach_other_entities(tmp_path: Path) -> None:
     found = entities(tmp_path / "evil.rrd")
     pictures = [e for e in found if e.endswith("/camera/image")]
     assert len(pictures) == 1
-    assert pictures[0].count("/") - pictures[0].count(r"\/") == 3
+    assert pictures[0].count("/") - pictures[0].count(r"\/") == 4
     text = column(found["/about"], "TextDocument:text")[0][0]
     assert "\x1b" not in text
     assert "[x](" not in text
 
 
 def test_text_from_files_is_no_markdown() -> None:
-    assert markdown_safe("a*b_[c](d)\n") == r"a\*b\_\[c\]\(d\)?"
+    assert markdown("a*b_[c](d)") == r"a\*b\_\[c\]\(d\)"
+    assert "\n" not in markdown("a\nb")
 
 
-def test_colours_repeat_only_after_the_palette() -> None:
-    ids = np.arange(len(PALETTE))
-    assert len({tuple(c) for c in colours_of(ids)}) == len(PALETTE)
+def test_names_stay_apart_and_can_be_seen() -> None:
+    names = ["", "(unnamed)", "a/b", "a\\b", "a\u202eb", "a\nb", "\U0001f600", "a b", "é", "Ω"]
+    assert len({entity_part(name) for name in names}) == len(names)
+    assert all(visible(name).isprintable() for name in names)
+    assert path("a/b", "c").count("/") == 3  # a leading one, an escaped one, a separator
+
+
+def test_tracks_seen_together_differ_in_colour() -> None:
+    count = len(PALETTE)
+    first, last = np.zeros(count, np.int64), np.full(count, 9, np.int64)
+    assert len({tuple(c) for c in track_colours(first, last)}) == count
+    one_after_another = np.arange(3 * count)
+    colours = track_colours(one_after_another * 10, one_after_another * 10 + 5)
+    assert len({tuple(c) for c in colours}) == count
 
 
 def test_the_scene_agrees_with_the_optics() -> None:
@@ -110,15 +124,14 @@ def test_the_scene_agrees_with_the_optics() -> None:
     foot, _ = project_person(2.0, 15.0, 1.7, 5.0, 0.3, 0.05)
     in_camera = pose.world_from_camera().T @ (np.array([2.0, 15.0, 0.0]) - [0, 0, 5.0])
     np.testing.assert_allclose(in_camera[:2] / in_camera[2], foot, atol=1e-12)
-    assert path("a/b", "c").count("/") == 3  # a leading one, an escaped one, a separator
 
 
 @pytest.mark.viewer
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["street", "staff"])
 def test_the_viewer_shows_the_demo_recordings(name: str, tmp_path: Path) -> None:
-    if shutil.which("vulkaninfo") is None and not list(Path("/usr/share/vulkan").glob("icd.d/*")):
-        pytest.skip("no Vulkan driver (Debian: mesa-vulkan-drivers)")
+    if missing():
+        pytest.skip(missing())
     recording = ROOT / "recordings" / f"{name}.mcap"
     run([recording], tmp_path / "x.duckdb", Config(), timelines=tmp_path)
     with viewer(tmp_path / f"{name}.rrd", size="1280x720") as shown:

@@ -1,0 +1,300 @@
+"""The rows of one camera as columns, joined by position: what the timeline is drawn from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from dashboards.style import METHOD_ORDER, Colours, track_colours
+from pipeline.records import FloatArray, IntArray
+
+BoolArray = npt.NDArray[np.bool_]
+BEST = "best"  # stands for a method where the best of an observation is by one or by another
+
+
+@dataclass(frozen=True, slots=True)
+class Estimates:
+    """What is known of each observation, (n,) each; NaN where nothing is."""
+
+    depth_m: FloatArray
+    depth_std_m: FloatArray
+    height_m: FloatArray
+    height_std_m: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    height_assumed: BoolArray
+
+    @property
+    def measured_height_m(self) -> FloatArray:
+        """Height where it was measured, NaN where it was put in."""
+        return np.where(self.height_assumed, np.nan, self.height_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """The frames of a camera in the order of their index, (f,) each."""
+
+    frame_index: IntArray
+    capture_time_ns: IntArray
+    log_time_ns: IntArray
+    table: pa.Table  # the same rows with all their columns
+
+    def __len__(self) -> int:
+        return len(self.frame_index)
+
+    def rate_hz(self) -> float:
+        """Return the median frame rate; 0 where there are too few frames to tell."""
+        steps_ns = np.diff(self.capture_time_ns)
+        middle_ns = float(np.median(steps_ns)) if len(steps_ns) else 0.0
+        return 1e9 / middle_ns if middle_ns > 0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Observations:
+    """The observations of a camera by frame and track, (n,) each."""
+
+    observation_index: IntArray
+    row: IntArray  # the frame, as a position in `Frames`
+    track: IntArray  # the track, as a position in `Tracks`
+    bbox_xyxy_px: FloatArray  # (n, 4)
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def starts(self, frame_count: int) -> IntArray:
+        """Return where the observations of each frame begin, and the end: (f + 1,)."""
+        return np.searchsorted(self.row, np.arange(frame_count + 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """The tracks of a camera that have observations, (t,) each."""
+
+    track_id: IntArray
+    observation_count: IntArray
+    colour: Colours  # (t, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Ground truth of a camera by frame, (g,) each."""
+
+    row: IntArray
+    object_id: npt.NDArray[np.object_]
+    depth_m: FloatArray
+    height_m: FloatArray
+    width_m: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    bbox_xyxy_px: FloatArray  # (g, 4)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraRows:
+    """All rows of one camera."""
+
+    name: str
+    camera: Mapping[str, Any]  # its row of the table `cameras`
+    frames: Frames
+    observations: Observations
+    tracks: Tracks
+    truth: Truth
+    matched: Truth | None  # truth of each observation, (n,); None where nothing was matched
+    best: Estimates  # of each observation, the best that there is, (n,)
+    best_method: npt.NDArray[np.object_]  # by which method, (n,); None where by none
+    methods: tuple[str, ...]  # those that have a depth for any observation, best first
+
+    @property
+    def drawn_by(self) -> str:
+        """Return the method that all that is drawn is by; `best` where there are several."""
+        used = {method for method in self.best_method.tolist() if method is not None}
+        return used.pop() if len(used) == 1 else BEST
+
+    @property
+    def is_series_of_pictures(self) -> bool:
+        """Whether nothing is followed over frames, as in a set of photographs."""
+        return len(self.tracks.track_id) > 1 and bool((self.tracks.observation_count == 1).all())
+
+
+def camera_rows(camera: Mapping[str, Any], tables: Mapping[str, pa.Table]) -> CameraRows:
+    """Return the rows of a camera; observations of frames that are not there are left out.
+
+    Args:
+        camera: a row of the table `cameras`.
+        tables: the tables of the recording by name.
+    """
+    name = str(camera["camera"])
+    frames = _frames(_of_camera(tables["frames"], name))
+    observations, tracks = _observations(_of_camera(tables["observations"], name), frames)
+    best, best_method, methods = _best(tables["estimates"], observations.observation_index)
+    return CameraRows(
+        name=name,
+        camera=camera,
+        frames=frames,
+        observations=observations,
+        tracks=tracks,
+        truth=_truth(_of_camera(tables["ground_truth"], name), frames),
+        matched=_matched(tables.get("matches"), observations, best, camera["tilt_rad"] or 0.0),
+        best=best,
+        best_method=best_method,
+        methods=methods,
+    )
+
+
+def estimates_by(method: str, table: pa.Table, observation_index: IntArray) -> Estimates:
+    """Return the estimates of one method for observations, (n,); NaN where it has none.
+
+    Args:
+        method: its name.
+        table: rows of the table `estimates`.
+        observation_index: (n,).
+    """
+    rows = table.filter(pc.equal(table["method"], method))
+    position, found = _positions(observation_index, integers(rows, "observation_index"))
+    return Estimates(
+        **{
+            field.name: (
+                _taken(_booleans(rows, field.name), position, found, False)
+                if field.name == "height_assumed"
+                else _taken(floats(rows, field.name), position, found, np.nan)
+            )
+            for field in fields(Estimates)
+        }
+    )
+
+
+def floats(table: pa.Table, name: str) -> FloatArray:
+    """Return a column with NaN for null."""
+    return np.asarray(table[name].to_numpy(), dtype=np.float64)
+
+
+def integers(table: pa.Table, name: str) -> IntArray:
+    """Return a column that has no nulls."""
+    return np.asarray(table[name].to_numpy(), dtype=np.int64)
+
+
+def _booleans(table: pa.Table, name: str) -> BoolArray:
+    return np.asarray(pc.fill_null(table[name], False).to_numpy(), dtype=np.bool_)
+
+
+def _of_camera(table: pa.Table, name: str) -> pa.Table:
+    return table.filter(pc.equal(table["camera"], name))
+
+
+def _frames(table: pa.Table) -> Frames:
+    table = table.sort_by("frame_index")
+    return Frames(
+        integers(table, "frame_index"),
+        integers(table, "capture_time_ns"),
+        integers(table, "log_time_ns"),
+        table,
+    )
+
+
+def _observations(table: pa.Table, frames: Frames) -> tuple[Observations, Tracks]:
+    row, found = _positions(integers(table, "frame_index"), frames.frame_index)
+    track_id = integers(table, "track_id")
+    order = np.lexsort((track_id, row))
+    order = order[found[order]]
+    row, track_id = row[order], track_id[order]
+    ids, first, track, count = np.unique(
+        track_id, return_index=True, return_inverse=True, return_counts=True
+    )
+    last = np.zeros(len(ids), dtype=np.int64)
+    np.maximum.at(last, track, row)
+    observations = Observations(
+        observation_index=integers(table, "observation_index")[order],
+        row=row,
+        track=track,
+        bbox_xyxy_px=_boxes(table)[order],
+    )
+    return observations, Tracks(ids, count, track_colours(row[first], last))
+
+
+def _best(
+    table: pa.Table, observation_index: IntArray
+) -> tuple[Estimates, npt.NDArray[np.object_], tuple[str, ...]]:
+    """Return of each observation its best estimate, the method, and all methods that have any."""
+    present = set(table["method"].unique().to_pylist())
+    ordered = [str(m) for m in METHOD_ORDER if m in present]
+    ordered += sorted(present - set(ordered))
+    chosen = {f.name: np.full(len(observation_index), np.nan) for f in fields(Estimates)}
+    chosen["height_assumed"] = np.zeros(len(observation_index), dtype=np.bool_)
+    by: npt.NDArray[np.object_] = np.full(len(observation_index), None, dtype=object)
+    used = []
+    for method in ordered:
+        estimates = estimates_by(method, table, observation_index)
+        known = np.isfinite(estimates.depth_m)
+        if known.any():
+            used.append(method)
+        mine = known & (by == None)  # noqa: E711  (by element)
+        by[mine] = method
+        for name, values in chosen.items():
+            values[mine] = getattr(estimates, name)[mine]
+    return Estimates(**chosen), by, tuple(used)
+
+
+def _truth(table: pa.Table, frames: Frames) -> Truth:
+    row, found = _positions(integers(table, "frame_index"), frames.frame_index)
+    order = np.argsort(row, kind="stable")
+    order = order[found[order]]
+    values = {
+        name: floats(table, name)[order]
+        for name in ("depth_m", "height_m", "width_m", "x_m", "y_m")
+    }
+    object_id = np.asarray(table["object_id"].to_pylist(), dtype=object)[order]
+    return Truth(row=row[order], object_id=object_id, bbox_xyxy_px=_boxes(table)[order], **values)
+
+
+def _matched(
+    table: pa.Table | None, observations: Observations, best: Estimates, tilt_rad: float
+) -> Truth | None:
+    """Return the truth of each observation, placed in the direction in which it was seen.
+
+    On the ground, depth = y cos tilt + camera height sin tilt, and x grows with the depth.
+    """
+    if table is None or not table.num_rows or not len(observations):
+        return None
+    position, found = _positions(
+        observations.observation_index, integers(table, "observation_index")
+    )
+    depth_m = _taken(floats(table, "true_depth_m"), position, found, np.nan)
+    unknown = np.full(len(observations), np.nan)
+    return Truth(
+        row=observations.row,
+        object_id=np.full(len(observations), None, dtype=object),
+        depth_m=depth_m,
+        height_m=_taken(floats(table, "true_height_m"), position, found, np.nan),
+        width_m=unknown,
+        x_m=best.x_m * depth_m / best.depth_m,
+        y_m=best.y_m + (depth_m - best.depth_m) / np.cos(tilt_rad),
+        bbox_xyxy_px=np.full((len(observations), 4), np.nan),
+    )
+
+
+def _boxes(table: pa.Table) -> FloatArray:
+    edges = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")
+    return np.column_stack([floats(table, edge) for edge in edges])
+
+
+def _positions(wanted: IntArray, keys: IntArray) -> tuple[IntArray, BoolArray]:
+    """Return where each wanted key is among `keys`, and whether it is there at all."""
+    if not len(keys):
+        return np.zeros(len(wanted), dtype=np.int64), np.zeros(len(wanted), dtype=np.bool_)
+    order = np.argsort(keys, kind="stable")
+    position = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+    return position, keys[position] == wanted
+
+
+def _taken(
+    values: npt.NDArray[Any], position: IntArray, found: BoolArray, missing: float | bool
+) -> npt.NDArray[Any]:
+    if not len(values):
+        return np.full(len(position), missing)
+    return np.where(found, values[position], missing)

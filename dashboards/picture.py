@@ -1,0 +1,66 @@
+"""What lies over the camera's picture: boxes in the colour of their track, labels, true boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from dashboards.columns import CameraRows
+from dashboards.labels import placed_labels
+from dashboards.names import path
+from dashboards.stream import send_sets
+from dashboards.style import TRUTH, packed, tinted
+from pipeline.records import FloatArray
+
+# Our (0, 0) is the middle of the first pixel, Rerun's is its corner.
+CORNER_PX = 0.5
+BEHIND = -100.0  # Rerun draws pictures at -10
+
+
+def log_boxes(stream: rr.RecordingStream, rows: CameraRows) -> None:
+    """Log the boxes of each frame with their labels, and the true boxes."""
+    seen, camera = rows.observations, (rows.name, "camera")
+    colour = rows.tracks.colour[seen.track]
+    boxes, box_colour = seen.bbox_xyxy_px + CORNER_PX, packed(colour)
+    send_sets(
+        stream,
+        path("cameras", *camera, "tracks"),
+        rows.frames,
+        seen.row,
+        lambda part: rr.Boxes2D.columns(**_centred(boxes[part]), colors=box_colour[part]),
+    )
+    texts, middle, half_width = placed_labels(rows)
+    middle, text_colour = middle + CORNER_PX, packed(tinted(colour))
+    half = np.column_stack([half_width, np.zeros(len(half_width))])
+    # Only the text is wanted: what it hangs from is hidden behind the picture.
+    entity = path("cameras", *camera, "labels")
+    stream.log(entity, rr.Boxes2D.from_fields(draw_order=BEHIND, show_labels=True), static=True)
+    send_sets(
+        stream,
+        entity,
+        rows.frames,
+        seen.row,
+        lambda part: rr.Boxes2D.columns(
+            centers=middle[part],
+            half_sizes=half[part],
+            radii=np.zeros(len(half[part]), dtype=np.float32),
+            colors=text_colour[part],
+            labels=texts[part].to_pylist(),
+        ),
+    )
+    known = np.isfinite(rows.truth.bbox_xyxy_px).all(axis=1)
+    true_boxes = rows.truth.bbox_xyxy_px[known] + CORNER_PX
+    send_sets(
+        stream,
+        path("cameras", *camera, "truth"),
+        rows.frames,
+        rows.truth.row[known],
+        lambda part: rr.Boxes2D.columns(
+            **_centred(true_boxes[part]), colors=[TRUTH] * len(true_boxes[part])
+        ),
+    )
+
+
+def _centred(boxes_px: FloatArray) -> dict[str, FloatArray]:
+    low, high = boxes_px[:, :2], boxes_px[:, 2:]
+    return {"centers": (low + high) / 2, "half_sizes": (high - low) / 2}
