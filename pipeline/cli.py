@@ -59,6 +59,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_calibrate(commands)
     _add_estimate(commands)
     _add_query(commands)
+    _add_report(commands)
     _add_demo(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -321,6 +322,26 @@ def _query(arguments: argparse.Namespace) -> int:
         out.print(f"{safe(arguments.parquet)}: {table.num_rows:,} rows")
     else:
         print_table(table)
+    return DONE
+
+
+def _add_report(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "report", help="write accuracy, heights and diagnostics as one HTML file"
+    )
+    _add_db(parser)
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("report.html"), metavar="HTML", help="to write"
+    )
+    parser.set_defaults(function=_report)
+
+
+def _report(arguments: argparse.Namespace) -> int:
+    from dashboards.report import write_report
+    from pipeline.console import out, safe
+
+    write_report(arguments.db, arguments.output)
+    out.print(f"report    {safe(arguments.output)}", soft_wrap=True)
     return DONE
 
 

@@ -124,7 +124,7 @@ def test_estimating_again_needs_no_pictures(workplace: Path) -> None:
 
 def test_help_and_version() -> None:
     assert stadimeter("--version", cwd=ROOT).stdout.startswith("stadimeter ")
-    for command in ("run", "inspect", "import", "estimate", "query", "demo"):
+    for command in ("run", "inspect", "import", "estimate", "query", "report", "demo"):
         assert stadimeter(command, "--help", cwd=ROOT).returncode == 0
 
 
@@ -142,7 +142,7 @@ def test_the_demo_tells_the_whole_story(tmp_path: Path) -> None:
     ):
         assert words in done.stdout
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert {"stadimeter.duckdb", "staff.rrd", "street.rrd"} <= names
+    assert {"stadimeter.duckdb", "staff.rrd", "street.rrd", "report.html"} <= names
 
 
 def test_calibrating_from_truth_and_using_what_was_found(tmp_path: Path) -> None:
