@@ -49,9 +49,9 @@ def test_queries_in_every_form(workplace: Path) -> None:
     rows = [
         json.loads(line) for line in stadimeter(*view, "--json", cwd=workplace).stdout.splitlines()
     ]
-    assert {row["method"] for row in rows} == {"ground", "size"}
+    assert {row["method"] for row in rows} == {"fused", "ground", "size"}
     assert stadimeter(*view, "--parquet", "out.parquet", cwd=workplace).returncode == 0
-    assert pq.read_table(workplace / "out.parquet").num_rows == 2
+    assert pq.read_table(workplace / "out.parquet").num_rows == 3
 
 
 def test_the_catalogue_says_what_each_view_answers(workplace: Path) -> None:

@@ -23,6 +23,7 @@ from scipy.sparse import lil_matrix
 from pipeline.config import SizePrior
 from pipeline.errors import CalibrationUndetermined, UsageError
 from pipeline.estimate.columns import Measured
+from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M
 from pipeline.estimate.geometry import camera_of
 from pipeline.optics.ground_plane import foot_depth_m, ground_position_m, height_m, remove_roll
 from pipeline.records import FloatArray, GroundPlane
@@ -58,7 +59,7 @@ ROLL_STD_RAD = np.deg2rad(5.0)
 
 @dataclass(frozen=True, slots=True)
 class KnownHeight:
-    """The height of one person, as they walk: with shoes, without a hat."""
+    """The height of one person when standing, with shoes."""
 
     track_id: int
     height_m: float
@@ -132,11 +133,13 @@ class _Scale:
 
     @classmethod
     def of(cls, sample: _Sample, prior: SizePrior, known: Known, measured: Measured) -> _Scale:
-        mean_m, std_m = np.full((2, sample.people), [[prior.mean_m], [prior.std_m]])
+        walking_m = prior.mean_m - GAIT_DROP_M
+        mean_m, std_m = np.full((2, sample.people), [[walking_m], [prior.std_m]])
         of_population = np.ones(sample.people, dtype=np.bool_)
         for person in known.heights:
             mine = sample.track_id == person.track_id
-            mean_m[mine], std_m[mine], of_population[mine] = person.height_m, person.std_m, False
+            mean_m[mine], of_population[mine] = person.height_m - GAIT_DROP_M, False
+            std_m[mine] = np.hypot(person.std_m, GAIT_DROP_STD_M)
         mean_std = FREE_MEAN_STD if known else POPULATION_MEAN_STD_M / prior.mean_m
         camera = camera_of(measured.intrinsics) if measured.intrinsics else None
         points = [

@@ -40,9 +40,10 @@ def test_depths_heights_and_intervals_over_many_cameras() -> None:
     assert len(scores) >= 27
     assert np.median([s.depth_relative for s in scores]) < 0.035
     assert np.median([s.height_mae_m for s in scores]) < 0.05
-    for part, low in (("depth_z", 0.9), ("height_z", 0.9), ("pose_z", 0.9)):
+    # A camera's errors go together: of 30 that hold in 95 %, three deviations lower is 83 %.
+    for part in ("depth_z", "height_z", "pose_z"):
         z = np.concatenate([getattr(s, part) for s in scores])
-        assert np.mean(np.abs(z[np.isfinite(z)]) < 1.96) > low
+        assert np.mean(np.abs(z[np.isfinite(z)]) < 1.96) > 0.83
 
 
 def test_groups_and_fragments_do_not_decide() -> None:
