@@ -44,7 +44,15 @@ class Viewer:
 
     def show_frame(self, frame_index: int) -> None:
         """Move the time to a frame, and wait until everything is drawn."""
-        self._client.set_time(FRAME, sequence=frame_index, play_state="paused")  # type: ignore[attr-defined]
+        deadline = time.monotonic() + LOADING_S
+        while True:
+            try:
+                self._client.set_time(FRAME, sequence=frame_index, play_state="paused")  # type: ignore[attr-defined]
+                break
+            except ConnectionError:  # nothing of the recording is there yet
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.3)
         self._wait()
 
     def _wait(self) -> None:

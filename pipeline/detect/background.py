@@ -30,6 +30,10 @@ UPDATE_S = 0.4  # the background changes slowly; following it more often buys no
 SHADOW_DARKEST, SHADOW_BRIGHTEST = 0.45, 0.95
 SHADOW_COLOUR = 0.06  # distance from the line of scaled background, relative to its brightness
 SHADOW_TEXTURE = 0.05  # spread of the scale within a small window, on smooth ground in shadow
+# The shadow around feet: its scale changes by so much over a few pixels, beside noise of so many grey
+# levels. Chosen on simulated scenes (recordings/simulate_walkers.py), among values about as good.
+CONTACT_SLOPE = 0.08
+NOISE_LEVELS = 4.0
 
 
 class Background:
@@ -86,6 +90,22 @@ class Background:
         rows, columns = 2 * rows[shadow], 2 * columns[shadow]
         for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
             foreground[rows + down, columns + right] = 0
+
+    def shadow_like(self, picture: Image, box: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
+        """Return where a box (x0, y0, x1, y1) may be ground in the soft shadow around feet.
+
+        Such shadows are small, so pixels at their edges must count: their scale may change from one
+        pixel to the next, by the shadow's slope and by the noise of pixels of that brightness.
+        """
+        x0, y0, x1, y1 = box
+        now, then = picture[y0:y1, x0:x1], self.mean_u8[y0:y1, x0:x1]
+        flat, alike = _scaled_alike(now.reshape(-1, 3), then.reshape(-1, 3))
+        scale = flat.reshape(now.shape[:2])
+        mean = cv2.blur(scale, (3, 3))
+        variance = cv2.blur(scale * scale, (3, 3)) - mean * mean
+        level = then.mean(axis=2, dtype=np.float32) + np.float32(1)
+        soft = variance < (CONTACT_SLOPE + NOISE_LEVELS / level) ** 2
+        return alike.reshape(scale.shape) & soft
 
     def follow(self, picture: Image, occupied: Image, time_s: float) -> None:
         """Let the background follow a picture; `occupied` (h, w) is 255 where objects are, else 0."""

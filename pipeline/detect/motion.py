@@ -30,6 +30,9 @@ END_WIDTH = 0.25
 # How far an end lies from the body's true end, one sigma, in pixels of the reduced picture beside
 # what the silhouette itself shows: the blur of a half-covered pixel and of compression.
 END_STD_PX = 0.7
+# The shadow on which somebody stands reaches so far below their feet, as a share of their height.
+CONTACT_SHADOW = 0.15
+MARGIN_PX = 2  # around a silhouette, for what closing and halving left out
 
 
 class MotionDetector:
@@ -73,7 +76,8 @@ class MotionDetector:
         for x0, y0, x1, y1 in found:
             occupied[y0:y1, x0:x1] = 255
         background.follow(image, occupied, frame.capture_time_ns / 1e9)
-        return _tighten(found, mask, difference, picture, self._min_height)
+        feet = [_feet_without_shadow(mask, box, image, background) for box in found]
+        return _tighten(found, mask, difference, picture, self._min_height, feet)
 
     def _silhouettes(self, mask: Image) -> npt.NDArray[np.intp]:
         return _silhouettes(mask, self._min_height * mask.shape[0], self._scale)
@@ -118,11 +122,15 @@ def _tighten(
     difference: Image,
     picture: Picture,
     min_height: float,
+    feet: Sequence[Image],
 ) -> Boxes:
-    """Return the boxes with their ends found to a fraction of a pixel, in stored pixels."""
+    """Return the boxes with their ends found to a fraction of a pixel, in stored pixels.
+
+    `feet` is the lowest part of each silhouette without what may be shadow.
+    """
     edges, spreads, scores = [], [], []
-    for box in found:
-        ends = _ends_of(mask, box)
+    for box, foot in zip(found, feet, strict=True):
+        ends = _ends_of(mask, box, foot)
         if ends is None or ends[0][3] - ends[0][1] < min_height * mask.shape[0]:
             continue
         edges.append(ends[0])
@@ -144,11 +152,32 @@ def _tighten(
     )
 
 
-def _ends_of(mask: Image, box: npt.NDArray[np.intp]) -> tuple[list[float], list[float]] | None:
+def _with_margin(mask: Image, box: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    low, high = box[:2] - MARGIN_PX, box[2:] + MARGIN_PX
+    size = [mask.shape[1], mask.shape[0]]
+    return np.concatenate([np.maximum(low, 0), np.minimum(high, size)])
+
+
+def _feet_without_shadow(
+    mask: Image, box: npt.NDArray[np.intp], image: Image, background: Background
+) -> Image:
+    """Return the lowest part of a silhouette without what has the colour of ground in shadow.
+
+    Where feet touch the ground it is in shadow, and the edges of that shadow are too small and too
+    rough to be known for one by their texture.
+    """
+    x0, y0, x1, y1 = _with_margin(mask, box)
+    y0 = max(y0, y1 - MARGIN_PX - int(2 * CONTACT_SHADOW * (box[3] - box[1])))
+    feet = mask[y0:y1, x0:x1].copy()
+    feet[background.shadow_like(image, np.array([x0, y0, x1, y1]))] = 0
+    return feet
+
+
+def _ends_of(
+    mask: Image, box: npt.NDArray[np.intp], feet: Image
+) -> tuple[list[float], list[float]] | None:
     """Return the four ends of a silhouette and their standard deviations, in mask pixels."""
-    margin = 2
-    x0, y0 = max(box[0] - margin, 0), max(box[1] - margin, 0)
-    x1, y1 = min(box[2] + margin, mask.shape[1]), min(box[3] + margin, mask.shape[0])
+    x0, y0, x1, y1 = _with_margin(mask, box)
     part = mask[y0:y1, x0:x1]
     columns = cv2.reduce(part, 0, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[0] / 255.0
     body = columns >= SIDE_LOBE * columns.max(initial=0.0)
@@ -163,9 +192,26 @@ def _ends_of(mask: Image, box: npt.NDArray[np.intp]) -> tuple[list[float], list[
         return None
     top, top_std = _end(rows, int(long[0]), -1, level)
     bottom, bottom_std = _end(rows, int(long[-1]), +1, level)
+    standing, shadow = _above_shadow(feet[:, first:last], level, len(rows), bottom)
+    bottom, bottom_std = standing, float(np.hypot(bottom_std, shadow / 3.0))
     edges = [x0 + first, y0 + top, x0 + last, y0 + bottom]
     side_std = float(np.hypot(END_STD_PX, 0.05 * (last - first)))
     return [float(e) for e in edges], [side_std, top_std, side_std, bottom_std]
+
+
+def _above_shadow(feet: Image, level: float, height: int, bottom: float) -> tuple[float, float]:
+    """Return the lower end without the shadow on which the feet stand, and how much that took away.
+
+    As long as it is little: what goes on for longer has the colour of shadow itself, and is a leg.
+    """
+    rows = cv2.reduce(feet, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0] / 255.0
+    body = np.flatnonzero(rows >= level)
+    if not len(body):
+        return bottom, 0.0
+    end, _ = _end(rows, int(body[-1]), +1, level)
+    end += height - len(rows)
+    away = bottom - end
+    return (end, away) if 0.0 < away <= CONTACT_SHADOW * height else (bottom, 0.0)
 
 
 def _end(rows: FloatArray, at: int, step: int, level: float) -> tuple[float, float]:
