@@ -13,6 +13,7 @@ import pyarrow.compute
 from pipeline.config import Config
 from pipeline.estimate import aperture, fused, ground, inverse, size
 from pipeline.estimate.columns import Estimated, Measured
+from pipeline.estimate.gait import as_standing
 from pipeline.estimate.geometry import Geometry
 from pipeline.estimate.notes import not_applicable, outside_calibration
 from pipeline.estimate.tracks import track_heights
@@ -69,9 +70,10 @@ def estimate(
         made = {method: run(geometry, config) for method, run in METHODS.items()}
         made = {m: e for m, e in made.items() if np.isfinite(e.depth_m).any()}
         if made:
-            made[Method.FUSED] = fused.estimate(geometry, made)
-            for estimated in made.values():
-                estimated.speed_m_s = made[Method.FUSED].speed_m_s
+            best = fused.estimate(geometry, made)
+            for member in made.values():
+                as_standing(measured, member, best.speed_m_s, member.height_assumed)
+            made[Method.FUSED] = best
         for method, estimated in made.items():
             rows.append(_long(measured, estimated, method))
             heights.append(track_heights(measured, estimated, method, config.size_prior))

@@ -1,7 +1,9 @@
 """The best of all methods: weighted by precision, checked against the track, smoothed along it.
 
-1. Each observation's depths are weighted by their precision. A method that contradicts the surest one
-   all along a track (the size prior on a child) is left out of that track.
+1. Each observation's depths are weighted by their precision. Methods that read the same thing of the
+   picture (aperture, inverse and size: one side of the box) have its error in common, so together they
+   are no surer than each; and where they contradict each other, less sure. A method that contradicts the
+   surest one all along a track (the size prior on a child) is left out of that track.
 2. Where the pose is known, a track's height, from the frames that show all of it, is as good a ruler
    as the ground: the head's ray meets the level of the track's height above the ground. It carries the
    position where the feet are hidden, and adds to it where they are not. Whose height in a frame is too
@@ -16,15 +18,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from pipeline.estimate.columns import BoolArray, Estimated, Measured
-from pipeline.estimate.gait import GAIT_STD_M
+from pipeline.estimate.gait import GAIT_STD_M, as_standing
 from pipeline.estimate.geometry import Geometry
 from pipeline.estimate.smoother import smooth_tracks
 from pipeline.optics.ground_plane import ground_position_m, height_m, range_m
 from pipeline.records import FloatArray, GroundPlane, Method
 
+# What each method reads of the picture; those that read the same are not independent.
+READS = {
+    Method.APERTURE: "box",
+    Method.INVERSE: "box",
+    Method.SIZE: "box",
+    Method.GROUND: "foot",
+    Method.DEFOCUS: "blur",
+}
 # A method is left out of a track where it is this many standard deviations from the surest one.
 CONTRADICTION = 2.5
 # Boxes repeat their error for as long as a pose is held, about half a step. With this the intervals of
@@ -54,11 +65,13 @@ def estimate(geometry: Geometry, members: Mapping[Method, Estimated]) -> Estimat
     plane = m.ground_plane
     if m.intrinsics is None:
         return fused
+    of_prior = fused.height_assumed.copy()
     if plane is not None and Method.GROUND in members:
-        _use_head(fused, geometry, plane, members[Method.GROUND])
+        of_prior &= ~_use_head(fused, geometry, plane, members[Method.GROUND])
     _smooth(fused, geometry, plane)
     if plane is not None:
         _heights_on_ground(fused, geometry, plane, members)
+    as_standing(m, fused, fused.speed_m_s, of_prior)
     return fused
 
 
@@ -68,6 +81,7 @@ def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
     depth = np.stack([e.depth_m for e in parts])
     std = np.stack([e.depth_std_m for e in parts])
     common = np.stack([e.depth_common_std_m for e in parts])
+    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
     usable: BoolArray = np.asarray(np.isfinite(depth) & (std > 0))
     ground = members.get(Method.GROUND)
     if ground is not None:
@@ -75,21 +89,33 @@ def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
         # that the pose knows already, by all who walked there; the ground is asked alone.
         assumed = np.stack([e.height_assumed for e in parts])
         usable = np.asarray(usable & ~(assumed & np.isfinite(ground.depth_m)))
-    agreeing = _agreeing(m, depth, std, usable)
-    weight = np.where(usable & agreeing, 1.0 / np.where(usable, std, 1.0) ** 2, 0.0)
+    group = np.array([READS[method] for method in members])
+    names = sorted(set(group))
+    within = _shares(np.where(usable, 1.0 / np.where(usable, std, 1.0) ** 2, 0.0), group)
+    widened = _contradiction(depth, common, within, group)
+    alike = [group == name for name in names]
+    g_depth = np.stack([_sum(within[g], depth[g]) for g in alike])
+    g_noise = np.stack([_sum(within[g], noise[g]) for g in alike])
+    g_common = np.stack([_sum(within[g], (common * widened)[g]) for g in alike])
+    g_std = np.hypot(g_noise, g_common)
+    known = np.isfinite(g_std)
+    known &= _agreeing(m, g_depth, g_std, known)
+    weight = np.where(known, 1.0 / np.where(known, g_std, 1.0) ** 2, 0.0)
+    between = _shares(weight)
+    share = within * between[np.searchsorted(names, group)]
     fused = Estimated(len(m))
-    total = weight.sum(axis=0)
     # A depth without a deviation is exact, or its deviation unknown: it is taken as it is.
-    alone = (total == 0) & np.isfinite(depth).any(axis=0)
+    alone = ~known.any(axis=0) & np.isfinite(depth).any(axis=0)
     first = np.argmax(np.isfinite(depth), axis=0)
-    weight[first[alone], np.flatnonzero(alone)] = 1.0
-    share = _shares(weight)
+    share[first[alone], np.flatnonzero(alone)] = 1.0
     fused.depth_m = _sum(share, depth)
-    # What two methods share (the pose, the foot's row) adds up; it is not known how much they do.
-    fused.depth_common_std_m = np.nan_to_num(_sum(share, common))
-    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
-    fused.depth_std_m = np.hypot(_root_sum(share, noise), fused.depth_common_std_m)
-    _weighted_heights(fused, parts, share)
+    # Methods that read different things are calibrated by different things as well.
+    fused.depth_common_std_m = np.nan_to_num(_root_sum(between, g_common))
+    noise_m = _root_sum(between, g_noise)
+    noise_m[alone] = noise[first[alone], np.flatnonzero(alone)]
+    fused.depth_common_std_m[alone] = common[first[alone], np.flatnonzero(alone)]
+    fused.depth_std_m = np.hypot(noise_m, fused.depth_common_std_m)
+    _weighted_heights(fused, parts, share, group, widened)
     for name in ("range_m", "x_m", "y_m"):
         setattr(fused, name, _sum(share, np.stack([getattr(e, name) for e in parts])))
     ranges = np.stack([e.in_calibrated_range for e in parts])
@@ -97,6 +123,26 @@ def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
     stated = (np.isfinite(ranges) & (share > 0)).any(axis=0)
     fused.in_calibrated_range = np.where(outside, 0.0, np.where(stated, 1.0, np.nan))
     return fused
+
+
+def _contradiction(
+    depth: FloatArray, common: FloatArray, within: FloatArray, group: npt.NDArray[np.str_]
+) -> FloatArray:
+    """Return by how much the common deviations of methods that read the same are too small, (k, n).
+
+    They see the same box, so nothing but their calibrations can set them apart: the scale factor of the
+    Particle Data Group (Review of Particle Physics, unconstrained averaging), where it exceeds one.
+    """
+    wider = np.ones_like(depth)
+    for name in sorted(set(group)):
+        g = group == name
+        used = within[g] > 0
+        mean = _sum(within[g], depth[g])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            squared = ((depth[g] - mean) / common[g]) ** 2
+        squared = np.where(used & np.isfinite(squared), squared, 0.0).sum(axis=0)
+        wider[g] = np.sqrt(np.maximum(squared / np.maximum(used.sum(axis=0) - 1, 1), 1.0))
+    return wider
 
 
 def _agreeing(m: Measured, depth: FloatArray, std: FloatArray, usable: BoolArray) -> BoolArray:
@@ -111,11 +157,20 @@ def _agreeing(m: Measured, depth: FloatArray, std: FloatArray, usable: BoolArray
     return np.asarray(~(np.abs(typical) > CONTRADICTION) | (best == np.arange(len(depth))[:, None]))
 
 
-def _weighted_heights(fused: Estimated, parts: list[Estimated], share: FloatArray) -> None:
+def _weighted_heights(
+    fused: Estimated,
+    parts: list[Estimated],
+    share: FloatArray,
+    group: npt.NDArray[np.str_],
+    widened: FloatArray,
+) -> None:
     """Enter heights: those that were measured; one that was put in only where there is no other."""
     tall = np.stack([e.height_m for e in parts])
     std = np.stack([e.height_std_m for e in parts])
     common = np.stack([e.height_common_std_m for e in parts])
+    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
+    common = common * widened
+    std = np.hypot(noise, common)
     assumed = np.stack([e.height_assumed for e in parts])
     known = np.isfinite(tall) & (share > 0)
     measured = known & ~assumed
@@ -124,14 +179,17 @@ def _weighted_heights(fused: Estimated, parts: list[Estimated], share: FloatArra
     weight = np.where(usable, 1.0 / np.maximum(np.nan_to_num(std, nan=1.0), 1e-9) ** 2, 0.0)
     part = _shares(weight)
     fused.height_m = _sum(part, tall)
-    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
-    fused.height_common_std_m = np.nan_to_num(_sum(part, common))
-    fused.height_std_m = np.hypot(_root_sum(part, noise), fused.height_common_std_m)
+    fused.height_common_std_m = np.nan_to_num(_root_sum_alike(part, common, group))
+    fused.height_std_m = np.hypot(_root_sum_alike(part, noise, group), fused.height_common_std_m)
     fused.height_assumed = np.asarray(none & known.any(axis=0))
 
 
-def _shares(weight: FloatArray) -> FloatArray:
-    total = weight.sum(axis=0)
+def _shares(weight: FloatArray, group: npt.NDArray[np.str_] | None = None) -> FloatArray:
+    """Return weights, (k, n), over their sum: of all, or of those of the same group."""
+    if group is None:
+        total = np.broadcast_to(weight.sum(axis=0), weight.shape)
+    else:
+        total = np.stack([weight[group == name].sum(axis=0) for name in group])
     return np.where(total > 0, weight / np.where(total > 0, total, 1.0), 0.0)
 
 
@@ -146,8 +204,21 @@ def _root_sum(share: FloatArray, std: FloatArray) -> FloatArray:
     return np.sqrt(_sum(share**2, std**2))
 
 
-def _use_head(fused: Estimated, geometry: Geometry, plane: GroundPlane, ground: Estimated) -> None:
-    """Bring in the depth at which the head is as high as the track's own height."""
+def _root_sum_alike(share: FloatArray, std: FloatArray, group: npt.NDArray[np.str_]) -> FloatArray:
+    """Return the deviation of a weighted sum whose errors are the same in a group."""
+    sums = [_sum(share[group == name], std[group == name]) for name in sorted(set(group))]
+    known = np.isfinite(np.stack(sums))
+    total = np.sqrt((np.nan_to_num(np.stack(sums)) ** 2).sum(axis=0))
+    return np.where(known.any(axis=0), total, np.nan)
+
+
+def _use_head(
+    fused: Estimated, geometry: Geometry, plane: GroundPlane, ground: Estimated
+) -> BoolArray:
+    """Bring in the depth at which the head is as high as the track's own height.
+
+    Returns where the height is that of the track's other frames, (n,).
+    """
     m = geometry.measured
     noise_m = np.sqrt(np.maximum(ground.height_std_m**2 - ground.height_common_std_m**2, 0.0))
     noise_m = np.hypot(noise_m, GAIT_STD_M)
@@ -186,7 +257,15 @@ def _use_head(fused: Estimated, geometry: Geometry, plane: GroundPlane, ground: 
     # The height there is that of the other frames.
     put_in = take & (hidden | (share >= 1))
     fused.height_m = np.where(put_in, tall_m, fused.height_m)
+    common_m = pd.Series(np.where(whole, ground.height_common_std_m, np.nan))
+    of_track_m = common_m.groupby(m.track_id).transform("median").to_numpy(dtype=np.float64)
+    of_track_m = np.nan_to_num(of_track_m)
+    fused.height_std_m = np.where(put_in, np.hypot(tall_std_m, of_track_m), fused.height_std_m)
+    fused.height_common_std_m = np.where(
+        put_in, fused.height_std_m, np.nan_to_num(fused.height_common_std_m)
+    )
     fused.height_assumed |= put_in
+    return np.asarray(put_in & np.isfinite(tall_m))
 
 
 def _track_median(m: Measured, values: FloatArray, use: BoolArray) -> tuple[FloatArray, FloatArray]:

@@ -53,11 +53,42 @@ def estimated(box: np.ndarray, **changes: object) -> tuple[Measured, Estimated]:
 
 def test_depths_are_weighted_by_precision() -> None:
     m = lensless(2, track_id=np.arange(2))
-    members = {Method.SIZE: by([10.0, 10.0], [1.0, 1.0]), Method.APERTURE: by([11.0, 10], [0.5, 2])}
+    members = {Method.SIZE: by([10.0, 10.0], [1.0, 1.0]), Method.DEFOCUS: by([11.0, 10], [0.5, 2])}
     found = fused.estimate(Geometry(m), members)
     assert found.depth_m[0] == pytest.approx((10 * 1 + 11 * 4) / 5)
     assert found.depth_std_m[0] == pytest.approx(1 / np.sqrt(5))
     assert (found.depth_std_m <= [0.5, 1.0]).all()
+
+
+def test_a_second_method_on_the_same_box_adds_nothing() -> None:
+    """Size and aperture read the same edges: two of them are no surer than one."""
+    random = np.random.default_rng(5)
+    n = 4000
+    edge = random.normal(0, 0.3, n)  # of the box, in metres of depth: in both
+    size = by(list(10 + edge), [0.3] * n)
+    aperture = by(list(10 + edge), [0.3] * n)
+    m = lensless(n, track_id=np.arange(n))
+    found = fused.estimate(Geometry(m), {Method.SIZE: size, Method.APERTURE: aperture})
+    z = (found.depth_m - 10) / found.depth_std_m
+    assert np.std(z) == pytest.approx(1.0, abs=0.04)
+    other = by(list(10 + random.normal(0, 0.3, n)), [0.3] * n)  # of a blur: its own error
+    found = fused.estimate(Geometry(m), {Method.SIZE: size, Method.DEFOCUS: other})
+    assert np.std((found.depth_m - 10) / found.depth_std_m) == pytest.approx(1.0, abs=0.04)
+    assert found.depth_std_m[0] == pytest.approx(0.3 / np.sqrt(2))
+
+
+def test_calibrations_that_contradict_each_other_make_it_less_sure() -> None:
+    m = lensless(2, track_id=np.arange(2))
+    one, other = by([10.0, 10.0], [0.1, 0.1], 0.1), by([10.05, 11.0], [0.1, 0.1], 0.1)
+    for made in (one, other):
+        made.height_m, made.height_std_m = made.depth_m / 10, made.depth_std_m / 10
+        made.height_common_std_m = made.depth_common_std_m / 10
+    found = fused.estimate(Geometry(m), {Method.SIZE: one, Method.APERTURE: other})
+    assert found.depth_std_m[0] == pytest.approx(0.1)
+    assert found.depth_m[1] == pytest.approx(10.5)
+    # both ends lie 0.5 from the mean: a scale factor of 0.5 sqrt(2) / 0.1
+    assert found.depth_std_m[1] == pytest.approx(0.5 * np.sqrt(2))
+    np.testing.assert_allclose(found.height_std_m, found.depth_std_m / 10)
 
 
 def test_one_method_alone_stays_as_it_is() -> None:
@@ -85,7 +116,7 @@ def test_exact_boxes_give_exact_positions_and_heights() -> None:
     box, depth_m = walk()
     _, found = estimated(box)
     np.testing.assert_allclose(found.depth_m, depth_m, atol=0.02)
-    np.testing.assert_allclose(found.height_m, 1.75, atol=0.005)
+    np.testing.assert_allclose(found.height_m, 1.75 + GAIT_DROP_M, atol=0.005)
     np.testing.assert_allclose(found.x_m, np.linspace(-2, 2, 60), atol=0.02)
     assert not found.height_assumed.any()
     speed = np.hypot(4.0, 8.0) / 5.9
