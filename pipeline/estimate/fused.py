@@ -24,8 +24,10 @@ import pandas as pd
 from pipeline.estimate.columns import BoolArray, Estimated, Measured
 from pipeline.estimate.gait import GAIT_STD_M, as_standing
 from pipeline.estimate.geometry import Geometry
+from pipeline.estimate.repeats import independent_share
 from pipeline.estimate.smoother import smooth_tracks
 from pipeline.optics.ground_plane import ground_position_m, height_m, range_m
+from pipeline.quality import AgainstTrack, Quality, against_track
 from pipeline.records import FloatArray, GroundPlane, Method
 
 # What each method reads of the picture; those that read the same are not independent.
@@ -38,25 +40,22 @@ READS = {
 }
 # A method is left out of a track where it is this many standard deviations from the surest one.
 CONTRADICTION = 2.5
-# Boxes repeat their error for as long as a pose is held, about half a step. With this the intervals of
-# simulated tracks whose errors fade over 0.45 s hold what they should (`python -m bench.walkers`).
-CORRELATION_S = 0.3
 # How much of a person sways to either side of the middle of the box, in widths of the box.
 SWAY = 0.1
-# A frame's height is compared with its track's only if so many frames show the track whole.
-MIN_WHOLE = 8
-HIDDEN, NOT_ALONE = -3.0, 3.0  # standard deviations of a frame's height from its track's
-CLEAR_OCCLUSION = 0.05  # of a box, by other boxes
+HALF_SHOULDERS_M = 0.25  # with an arm
 # The head says nothing of the place where the camera is hardly above it.
 MIN_ABOVE_HEAD_M = 0.3
 
 
-def estimate(geometry: Geometry, members: Mapping[Method, Estimated]) -> Estimated:
+def estimate(
+    geometry: Geometry, members: Mapping[Method, Estimated], track: AgainstTrack | None = None
+) -> Estimated:
     """Return the fused estimates; NaN where no method has a depth.
 
     Args:
         geometry: the boxes.
-        members: what each method made of them.
+        members: what each method made of them, heights as they are seen.
+        track: each observation beside its track; `beside_track` where it is left out.
     """
     m = geometry.measured
     if not members:
@@ -67,12 +66,20 @@ def estimate(geometry: Geometry, members: Mapping[Method, Estimated]) -> Estimat
         return fused
     of_prior = fused.height_assumed.copy()
     if plane is not None and Method.GROUND in members:
-        of_prior &= ~_use_head(fused, geometry, plane, members[Method.GROUND])
+        by_ground = members[Method.GROUND]
+        track = track or beside_track(m, by_ground)
+        of_prior &= ~_use_head(fused, geometry, plane, by_ground, track)
     _smooth(fused, geometry, plane)
     if plane is not None:
         _heights_on_ground(fused, geometry, plane, members)
     as_standing(m, fused, fused.speed_m_s, of_prior)
     return fused
+
+
+def beside_track(m: Measured, ground: Estimated, quality: Quality | None = None) -> AgainstTrack:
+    """Return the height of each observation by the ground beside that of its track."""
+    noise_m = np.sqrt(np.maximum(ground.height_std_m**2 - ground.height_common_std_m**2, 0.0))
+    return against_track(m, ground.height_m, noise_m, quality)
 
 
 def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
@@ -213,21 +220,19 @@ def _root_sum_alike(share: FloatArray, std: FloatArray, group: npt.NDArray[np.st
 
 
 def _use_head(
-    fused: Estimated, geometry: Geometry, plane: GroundPlane, ground: Estimated
+    fused: Estimated,
+    geometry: Geometry,
+    plane: GroundPlane,
+    ground: Estimated,
+    track: AgainstTrack,
 ) -> BoolArray:
     """Bring in the depth at which the head is as high as the track's own height.
 
     Returns where the height is that of the track's other frames, (n,).
     """
     m = geometry.measured
-    noise_m = np.sqrt(np.maximum(ground.height_std_m**2 - ground.height_common_std_m**2, 0.0))
-    noise_m = np.hypot(noise_m, GAIT_STD_M)
-    whole = np.isfinite(ground.height_m) & (m.occlusion < CLEAR_OCCLUSION)
-    tall_m, tall_std_m = _track_median(m, ground.height_m, whole)
-    with np.errstate(invalid="ignore"):
-        off = (ground.height_m - tall_m) / noise_m
-    hidden = (off < HIDDEN) | m.truncated[:, 3]
-    crowded = off > NOT_ALONE
+    tall_m, tall_std_m, off = track.height_m, track.height_std_m, track.off
+    hidden, crowded = track.hidden | m.truncated[:, 3], track.crowded
 
     depth_m, head_noise_m, per_height = _head_depth(geometry, plane, tall_m)
     head_common_m = np.hypot(per_height * tall_std_m, np.nan_to_num(ground.depth_common_std_m))
@@ -257,7 +262,8 @@ def _use_head(
     # The height there is that of the other frames.
     put_in = take & (hidden | (share >= 1))
     fused.height_m = np.where(put_in, tall_m, fused.height_m)
-    common_m = pd.Series(np.where(whole, ground.height_common_std_m, np.nan))
+    seen = np.isfinite(ground.height_m)
+    common_m = pd.Series(np.where(seen, ground.height_common_std_m, np.nan))
     of_track_m = common_m.groupby(m.track_id).transform("median").to_numpy(dtype=np.float64)
     of_track_m = np.nan_to_num(of_track_m)
     fused.height_std_m = np.where(put_in, np.hypot(tall_std_m, of_track_m), fused.height_std_m)
@@ -266,31 +272,6 @@ def _use_head(
     )
     fused.height_assumed |= put_in
     return np.asarray(put_in & np.isfinite(tall_m))
-
-
-def _track_median(m: Measured, values: FloatArray, use: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Return the median of each observation's track and its standard deviation by noise, (n,)."""
-    chosen = pd.Series(np.where(use, values, np.nan))
-    by_track = chosen.groupby(m.track_id)
-    middle = by_track.transform("median").to_numpy(dtype=np.float64)
-    count = by_track.transform("count").to_numpy(dtype=np.float64)
-    apart = pd.Series(np.abs(chosen.to_numpy() - middle)).groupby(m.track_id)
-    spread = 1.4826 * apart.transform("median").to_numpy(dtype=np.float64)
-    independent = np.maximum(count * _independent_share(m), 1.0)
-    std = np.sqrt(np.pi / 2) * np.maximum(spread, GAIT_STD_M) / np.sqrt(independent)
-    return np.where(count >= MIN_WHOLE, middle, np.nan), std
-
-
-def _independent_share(m: Measured) -> FloatArray:
-    """Return the part of an independent observation that each one is: its interval over 0.5 s."""
-    order = np.lexsort((m.capture_time_ns, m.track_id))
-    track, time_ns = m.track_id[order], m.capture_time_ns[order]
-    step_s = np.diff(time_ns, prepend=0) / 1e9
-    step_s[np.diff(track, prepend=-1) != 0] = np.nan
-    by_track = pd.Series(step_s).groupby(track).transform("median").to_numpy(dtype=np.float64)
-    share = np.empty(len(track))
-    share[order] = np.clip(np.nan_to_num(by_track, nan=CORRELATION_S) / CORRELATION_S, 1e-3, 1.0)
-    return share
 
 
 def _head_depth(
@@ -319,7 +300,7 @@ def _smooth(fused: Estimated, geometry: Geometry, plane: GroundPlane | None) -> 
     """Smooth positions along the tracks; depths, ranges and deviations follow from them."""
     m = geometry.measured
     position, covariance = _places(fused, geometry, plane)
-    inflated = covariance / _independent_share(m)[:, None, None]
+    inflated = covariance / independent_share(m)[:, None, None]
     time_s = (m.capture_time_ns - m.capture_time_ns.min(initial=0)) / 1e9
     smoothed = smooth_tracks(m.track_id, time_s, position, inflated)
     several = pd.Series(m.track_id).groupby(m.track_id).transform("count").to_numpy() > 1
@@ -364,7 +345,8 @@ def _places(
         x_m, y_m = fused.depth_m * x, fused.depth_m
     along = noise_m[:, None] * np.column_stack([x, np.full(len(x), 1.0 / np.cos(tilt))])
     across_m = fused.depth_m * SWAY * np.abs(geometry.width_angle)
-    across_m = np.nan_to_num(across_m, nan=0.1) + 1e-3
+    # A box that the picture cuts off at a side shows some part of a person, not their middle.
+    across_m = np.nan_to_num(across_m, nan=HALF_SHOULDERS_M) + 1e-3
     covariance = along[:, :, None] * along[:, None, :]
     covariance[:, 0, 0] += across_m**2
     covariance[:, 1, 1] += 1e-6

@@ -55,17 +55,6 @@ def test_what_the_picture_cuts_is_not_told(simulated: Scene) -> None:
     assert np.isfinite(found.height_m[2])
 
 
-def test_hidden_feet_make_it_less_sure(simulated: Scene) -> None:
-    count = len(simulated.measured)
-    std = []
-    for share in (0.0, 0.6):
-        measured = replace(
-            simulated.measured, occlusion=np.full(count, share), ground_plane=simulated.plane
-        )
-        std.append(np.median(ground.estimate(Geometry(measured)).depth_std_m))
-    assert std[1] > 5 * std[0]
-
-
 def test_without_a_pose_or_a_lens_there_is_nothing(simulated: Scene) -> None:
     for change in ({"ground_plane": None}, {"intrinsics": None}):
         measured = replace(simulated.measured, **({"ground_plane": simulated.plane} | change))
