@@ -4,7 +4,8 @@ Nothing is dropped. A bad end of a box gets a wider standard deviation, so that 
 less, and the reason is kept as a flag. Two looks, each over all observations of a camera at once:
 
 1. `assess`: at the boxes alone. The box of a nearer object (its feet are lower in the picture) covers the
-   feet or the head; the picture's edge cuts them; the shape is not that of one upright person.
+   feet or the head; the picture's edge cuts them; the shape is not that of one upright person; the box is
+   shorter or taller than the rest of its track says (`pipeline.steady`).
 2. `against_track`: at the height that the ground gives in each frame, beside the height of its track.
    Too small, and the feet are hidden behind something that has no box (a wall, a car); too tall, and
    somebody else is in the box.
@@ -22,6 +23,7 @@ from pipeline.estimate.columns import BoolArray, Measured
 from pipeline.estimate.gait import GAIT_STD_M, WALKER
 from pipeline.estimate.repeats import independent_share
 from pipeline.records import OBSERVATION_QUALITY, FloatArray
+from pipeline.steady import height_off_px
 from pipeline.stride import stride_phase_rad
 
 # The feet, and the head, are somewhere in the middle half of the box's width.
@@ -59,6 +61,11 @@ class Quality:
     alone: BoolArray
     stride_phase_rad: FloatArray
     std_xyxy_px: FloatArray  # (n, 4) of the box's sides, widened
+
+    @property
+    def ends_visible(self) -> BoolArray:
+        """Where head and feet are seen, and are of one and the same."""
+        return np.asarray(self.contact_visible & self.head_visible & self.alone)
 
     def applied(self, measured: Measured) -> Measured:
         """Return the observations with the deviations that they deserve."""
@@ -103,7 +110,10 @@ def assess(m: Measured) -> Quality:
     odd = _odd_aspect(m, whole)
     # As much as the shape is off, so much of the height may belong to something else.
     odd_px = tall_px * (1 - np.exp(-odd))
-    extra_px = ONE_SIDED * np.hypot(cover * reach_px, odd_px[:, None])
+    off_px = height_off_px(m, whole)
+    # Feet are missing from a box that is too short; what is too much may be at either end.
+    off_ends_px = np.stack([np.abs(off_px), np.maximum(off_px, 0.0)], axis=1)
+    extra_px = np.hypot(ONE_SIDED * np.hypot(cover * reach_px, odd_px[:, None]), off_ends_px)
     std_px = m.std_xyxy_px.copy()
     std_px[:, [3, 1]] = np.hypot(std_px[:, [3, 1]], extra_px)
     best_px = np.hypot(m.std_xyxy_px[:, [3, 1]], BEST_STD * tall_px[:, None])
@@ -112,10 +122,10 @@ def assess(m: Measured) -> Quality:
         weight = np.where(cut, 0.0, 1.0 / (1.0 + (extra_px / best_px) ** 2))
     return Quality(
         quality=np.nan_to_num(weight, nan=1.0).min(axis=1, initial=1.0),
-        contact_visible=np.asarray(visible[:, 0] & ~cut[:, 0]),
+        contact_visible=np.asarray(visible[:, 0] & ~cut[:, 0] & (off_px >= 0)),
         head_visible=np.asarray(visible[:, 1] & ~cut[:, 1]),
         aspect_plausible=np.asarray(odd == 0),
-        alone=np.ones(len(m), dtype=np.bool_),
+        alone=np.asarray(off_px <= 0),
         stride_phase_rad=stride_phase_rad(m),
         std_xyxy_px=std_px,
     )
@@ -134,7 +144,7 @@ def against_track(
     """
     found = assess(m) if quality is None else quality
     whole = np.isfinite(height_m) & (m.occlusion < CLEAR_OCCLUSION)
-    whole &= found.contact_visible & found.head_visible & found.aspect_plausible
+    whole &= found.ends_visible & found.aspect_plausible
     chosen = pd.Series(np.where(whole, height_m, np.nan))
     by_track = chosen.groupby(m.track_id)
     count = by_track.transform("count").to_numpy(dtype=np.float64)

@@ -128,14 +128,30 @@ def walk(n: int = 60) -> tuple[Measured, np.ndarray]:
     return m, y_m * np.cos(PLANE.tilt_rad) + 6.0 * np.sin(PLANE.tilt_rad)
 
 
-def test_a_wall_and_a_second_person_show_beside_the_track() -> None:
+def wall_and_second_person() -> Measured:
     m, _ = walk()
     m.bbox_xyxy_px[20:25, 3] -= 0.3 * np.ptp(m.bbox_xyxy_px[20:25, 1::2], axis=1)
     m.bbox_xyxy_px[40:44, 1] -= 0.4 * np.ptp(m.bbox_xyxy_px[40:44, 1::2], axis=1)
-    quality = assess(m)
-    assert quality.contact_visible.all()  # nothing has a box there
-    track = beside_track(m, ground.estimate(Geometry(m)), quality)
-    found = with_track(quality, track)
+    return m
+
+
+def test_a_wall_and_a_second_person_show_without_any_pose() -> None:
+    m = replace(wall_and_second_person(), ground_plane=None)
+    found = assess(m)
+    np.testing.assert_array_equal(np.flatnonzero(~found.contact_visible), np.arange(20, 25))
+    np.testing.assert_array_equal(np.flatnonzero(~found.alone), np.arange(40, 44))
+    np.testing.assert_array_equal(found.quality[:20], 1.0)
+    # as far as the feet are missing, so unsure is the lower end, and the head is not
+    missing = 0.3 / 0.7 * np.ptp(m.bbox_xyxy_px[20:25, 1::2], axis=1)
+    np.testing.assert_allclose(found.std_xyxy_px[20:25, 3], missing, rtol=0.1)
+    np.testing.assert_array_equal(found.std_xyxy_px[20:25, 1], 1.0)
+
+
+def test_a_wall_and_a_second_person_show_beside_the_tracks_height() -> None:
+    m = wall_and_second_person()
+    clean = assess(walk()[0])  # as if the boxes alone told nothing
+    track = beside_track(m, ground.estimate(Geometry(m)), clean)
+    found = with_track(clean, track)
     np.testing.assert_array_equal(np.flatnonzero(~found.contact_visible), np.arange(20, 25))
     np.testing.assert_array_equal(np.flatnonzero(~found.alone), np.arange(40, 44))
     assert (found.quality[20:25] < 0.3).all()
