@@ -179,12 +179,14 @@ def _covered(m: Measured, tall_px: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     cover, reach_px = np.zeros((len(m), 2)), np.zeros((len(m), 2))
     order = np.argsort(m.frame_index, kind="stable")
-    frame = m.frame_index[order]
+    frame, left, right = m.frame_index[order], m.bbox_xyxy_px[:, 0], m.bbox_xyxy_px[:, 2]
     for step in range(1, len(m)):
         same = np.flatnonzero(frame[step:] == frame[:-step])
         if not len(same):
             break
         one, other = order[same], order[same + step]
+        beside = np.minimum(right[one], right[other]) > np.maximum(left[one], left[other])
+        one, other = one[beside], other[beside]
         for behind, before in ((one, other), (other, one)):
             share, reach = _cover(m.bbox_xyxy_px[behind], m.bbox_xyxy_px[before], tall_px[behind])
             worse = share > cover[behind]

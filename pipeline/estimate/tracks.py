@@ -69,7 +69,7 @@ def track_heights(
     height_m = tracks["height_m"].median().to_numpy()
     height_std_m = np.where(count > 0, np.hypot(noise_m, common_m), np.nan)
     assumed = tracks["assumed"].all().to_numpy()
-    names = tracks["class_name"].agg(lambda names: names.mode().iloc[0]).to_numpy()
+    names = _commonest(frame)
     plausible = _plausible(height_m, height_std_m, names, priors)
     columns: dict[str, object] = {
         "camera": [measured.camera] * len(depth),
@@ -106,6 +106,14 @@ def _plausible(
                 bool(abs(height - prior.mean_m) <= RULED_OUT * np.hypot(std, prior.std_m))
             )
     return result
+
+
+def _commonest(frame: pd.DataFrame) -> npt.NDArray[np.object_]:
+    """Return the class of most of each track's observations; of equals the first by name."""
+    counts = frame.groupby(["track_id", "class_name"]).size().rename("count").reset_index()
+    counts = counts.sort_values(["track_id", "count", "class_name"], ascending=[True, False, True])
+    names = counts.drop_duplicates("track_id")["class_name"]
+    return np.asarray(names.to_numpy(dtype=np.object_))
 
 
 def _correlation(frame: pd.DataFrame) -> FloatArray:
