@@ -309,6 +309,16 @@ TRACK_HEIGHTS = _schema(
     ("observation_count", _I32),
 )
 
+OBSERVATION_QUALITY = _schema(
+    ("observation_index", _I32),
+    ("quality", _F64),
+    ("contact_visible", _BOOL),
+    ("head_visible", _BOOL),
+    ("aspect_plausible", _BOOL),
+    ("alone", _BOOL),
+    ("stride_phase_rad", _F64),
+)
+
 GROUND_TRUTH = _schema(
     ("camera", _TEXT),
     ("frame_index", _I32),
@@ -372,6 +382,7 @@ PASS_ONE = {
 PASS_TWO = {
     "estimates": ESTIMATES,
     "track_heights": TRACK_HEIGHTS,
+    "observation_quality": OBSERVATION_QUALITY,
     "calibrations": CALIBRATIONS,
 }
 

@@ -32,7 +32,12 @@ def estimate_recording(
             store.set_pose(recording_id, measured.camera, plane)
     result = estimate(**tables, poses=poses, config=config)
     store.write_estimates(
-        recording_id, run_id, result.estimates, result.track_heights, result.calibrations
+        recording_id,
+        run_id,
+        result.estimates,
+        result.track_heights,
+        result.calibrations,
+        result.quality,
     )
     store.add_diagnostics([*notes, *result.diagnostics], recording_id, run_id, file_name)
 

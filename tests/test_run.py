@@ -133,6 +133,23 @@ def test_estimating_again_keeps_the_old_run_beside_the_new_one(
     assert {"method": "ground"} in current
 
 
+def test_every_observation_is_judged_in_every_run(people: Path, tmp_path: Path) -> None:
+    db = tmp_path / "x.duckdb"
+    run([people], db, Config())
+    estimate_again(db, LEVEL, "with pose")
+    with Store.open(db, read_only=True) as store:
+        rows = store.query(
+            "SELECT run_id, count(*) AS n, count(DISTINCT observation_index) AS observations, "
+            "min(quality) AS worst, bool_and(contact_visible) AS feet "
+            "FROM observation_quality GROUP BY run_id"
+        ).to_pylist()
+        methods = store.query("SELECT DISTINCT method FROM current_estimates").to_pylist()
+    assert [(r["n"], r["observations"], r["worst"], r["feet"]) for r in rows] == [
+        (24, 24, 1.0, True)
+    ] * 2
+    assert {"method": "fused"} in methods
+
+
 def test_an_undecodable_picture_costs_that_picture_only(tmp_path: Path) -> None:
     path, db = tmp_path / "broken.mcap", tmp_path / "x.duckdb"
     write_people(path, broken=3)

@@ -26,6 +26,7 @@ from pipeline.estimate.columns import Measured
 from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M
 from pipeline.estimate.geometry import camera_of
 from pipeline.optics.ground_plane import foot_depth_m, ground_position_m, height_m, remove_roll
+from pipeline.quality import assess
 from pipeline.records import FloatArray, GroundPlane
 
 # Two people give a line of sight each for tilt and height; below four, one who stoops decides.
@@ -226,6 +227,7 @@ def _sample(measured: Measured, prior: SizePrior) -> _Sample:
         (measured.class_name == prior.object_class)
         & ~measured.truncated.any(axis=1)
         & (measured.occlusion < 0.05)
+        & assess(measured).ends_visible
     )
     empty = _Sample(
         *(np.empty((0, 2)),) * 2, np.empty(0), np.empty(0, np.intp), np.empty(0), _NOBODY

@@ -13,12 +13,15 @@ import pyarrow.compute
 from pipeline.config import Config
 from pipeline.estimate import aperture, fused, ground, inverse, size
 from pipeline.estimate.columns import Estimated, Measured
+from pipeline.estimate.gait import as_standing
 from pipeline.estimate.geometry import Geometry
 from pipeline.estimate.notes import not_applicable, outside_calibration
 from pipeline.estimate.tracks import track_heights
+from pipeline.quality import assess, with_track
 from pipeline.records import (
     CALIBRATIONS,
     ESTIMATES,
+    OBSERVATION_QUALITY,
     TRACK_HEIGHTS,
     Calibration,
     Diagnostic,
@@ -43,6 +46,7 @@ class Estimates:
     estimates: pa.Table
     track_heights: pa.Table
     calibrations: pa.Table
+    quality: pa.Table
     diagnostics: list[Diagnostic]
 
 
@@ -62,27 +66,34 @@ def estimate(
         poses: the ground plane of each camera whose pose is known.
         config: calibrations and priors.
     """
-    rows, heights, notes = [], [], []
+    rows, heights, judged, notes = [], [], [], []
     used: dict[str, Calibration] = {}
     for measured in measured_by_camera(observations, frames, cameras, poses):
-        geometry = Geometry(measured)
+        quality = assess(measured)
+        geometry = Geometry(quality.applied(measured))
         made = {method: run(geometry, config) for method, run in METHODS.items()}
         made = {m: e for m, e in made.items() if np.isfinite(e.depth_m).any()}
         if made:
-            made[Method.FUSED] = fused.estimate(geometry, made)
-            for estimated in made.values():
-                estimated.speed_m_s = made[Method.FUSED].speed_m_s
+            by_ground = made.get(Method.GROUND)
+            track = fused.beside_track(geometry.measured, by_ground, quality) if by_ground else None
+            quality = with_track(quality, track) if track else quality
+            best = fused.estimate(geometry, made, track)
+            for member in made.values():
+                as_standing(measured, member, best.speed_m_s, member.height_assumed)
+            made[Method.FUSED] = best
         for method, estimated in made.items():
             rows.append(_long(measured, estimated, method))
             heights.append(track_heights(measured, estimated, method, config.size_prior))
             ids = set(estimated.calibration_id) - {None}
             used |= {c.calibration_id: c for c in config.calibration if c.calibration_id in ids}
             notes += outside_calibration(measured, estimated, method)
+        judged.append(quality.table(measured))
         notes += not_applicable(measured, config)
     return Estimates(
         pa.concat_tables(rows) if rows else ESTIMATES.empty_table(),
         pa.concat_tables(heights) if heights else TRACK_HEIGHTS.empty_table(),
         calibrations_table(list(used.values())),
+        pa.concat_tables(judged) if judged else OBSERVATION_QUALITY.empty_table(),
         notes,
     )
 

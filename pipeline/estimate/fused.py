@@ -1,7 +1,9 @@
 """The best of all methods: weighted by precision, checked against the track, smoothed along it.
 
-1. Each observation's depths are weighted by their precision. A method that contradicts the surest one
-   all along a track (the size prior on a child) is left out of that track.
+1. Each observation's depths are weighted by their precision. Methods that read the same thing of the
+   picture (aperture, inverse and size: one side of the box) have its error in common, so together they
+   are no surer than each; and where they contradict each other, less sure. A method that contradicts the
+   surest one all along a track (the size prior on a child) is left out of that track.
 2. Where the pose is known, a track's height, from the frames that show all of it, is as good a ruler
    as the ground: the head's ray meets the level of the track's height above the ground. It carries the
    position where the feet are hidden, and adds to it where they are not. Whose height in a frame is too
@@ -16,36 +18,44 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from pipeline.estimate.columns import BoolArray, Estimated, Measured
-from pipeline.estimate.gait import GAIT_STD_M
+from pipeline.estimate.gait import GAIT_STD_M, as_standing
 from pipeline.estimate.geometry import Geometry
+from pipeline.estimate.repeats import independent_share
 from pipeline.estimate.smoother import smooth_tracks
 from pipeline.optics.ground_plane import ground_position_m, height_m, range_m
+from pipeline.quality import AgainstTrack, Quality, against_track
 from pipeline.records import FloatArray, GroundPlane, Method
 
+# What each method reads of the picture; those that read the same are not independent.
+READS = {
+    Method.APERTURE: "box",
+    Method.INVERSE: "box",
+    Method.SIZE: "box",
+    Method.GROUND: "foot",
+    Method.DEFOCUS: "blur",
+}
 # A method is left out of a track where it is this many standard deviations from the surest one.
 CONTRADICTION = 2.5
-# Boxes repeat their error for as long as a pose is held, about half a step. With this the intervals of
-# simulated tracks whose errors fade over 0.45 s hold what they should (`python -m bench.walkers`).
-CORRELATION_S = 0.3
 # How much of a person sways to either side of the middle of the box, in widths of the box.
 SWAY = 0.1
-# A frame's height is compared with its track's only if so many frames show the track whole.
-MIN_WHOLE = 8
-HIDDEN, NOT_ALONE = -3.0, 3.0  # standard deviations of a frame's height from its track's
-CLEAR_OCCLUSION = 0.05  # of a box, by other boxes
+HALF_SHOULDERS_M = 0.25  # with an arm
 # The head says nothing of the place where the camera is hardly above it.
 MIN_ABOVE_HEAD_M = 0.3
 
 
-def estimate(geometry: Geometry, members: Mapping[Method, Estimated]) -> Estimated:
+def estimate(
+    geometry: Geometry, members: Mapping[Method, Estimated], track: AgainstTrack | None = None
+) -> Estimated:
     """Return the fused estimates; NaN where no method has a depth.
 
     Args:
         geometry: the boxes.
-        members: what each method made of them.
+        members: what each method made of them, heights as they are seen.
+        track: each observation beside its track; `beside_track` where it is left out.
     """
     m = geometry.measured
     if not members:
@@ -54,12 +64,22 @@ def estimate(geometry: Geometry, members: Mapping[Method, Estimated]) -> Estimat
     plane = m.ground_plane
     if m.intrinsics is None:
         return fused
+    of_prior = fused.height_assumed.copy()
     if plane is not None and Method.GROUND in members:
-        _use_head(fused, geometry, plane, members[Method.GROUND])
+        by_ground = members[Method.GROUND]
+        track = track or beside_track(m, by_ground)
+        of_prior &= ~_use_head(fused, geometry, plane, by_ground, track)
     _smooth(fused, geometry, plane)
     if plane is not None:
         _heights_on_ground(fused, geometry, plane, members)
+    as_standing(m, fused, fused.speed_m_s, of_prior)
     return fused
+
+
+def beside_track(m: Measured, ground: Estimated, quality: Quality | None = None) -> AgainstTrack:
+    """Return the height of each observation by the ground beside that of its track."""
+    noise_m = np.sqrt(np.maximum(ground.height_std_m**2 - ground.height_common_std_m**2, 0.0))
+    return against_track(m, ground.height_m, noise_m, quality)
 
 
 def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
@@ -68,6 +88,7 @@ def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
     depth = np.stack([e.depth_m for e in parts])
     std = np.stack([e.depth_std_m for e in parts])
     common = np.stack([e.depth_common_std_m for e in parts])
+    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
     usable: BoolArray = np.asarray(np.isfinite(depth) & (std > 0))
     ground = members.get(Method.GROUND)
     if ground is not None:
@@ -75,21 +96,33 @@ def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
         # that the pose knows already, by all who walked there; the ground is asked alone.
         assumed = np.stack([e.height_assumed for e in parts])
         usable = np.asarray(usable & ~(assumed & np.isfinite(ground.depth_m)))
-    agreeing = _agreeing(m, depth, std, usable)
-    weight = np.where(usable & agreeing, 1.0 / np.where(usable, std, 1.0) ** 2, 0.0)
+    group = np.array([READS[method] for method in members])
+    names = sorted(set(group))
+    within = _shares(np.where(usable, 1.0 / np.where(usable, std, 1.0) ** 2, 0.0), group)
+    widened = _contradiction(depth, common, within, group)
+    alike = [group == name for name in names]
+    g_depth = np.stack([_sum(within[g], depth[g]) for g in alike])
+    g_noise = np.stack([_sum(within[g], noise[g]) for g in alike])
+    g_common = np.stack([_sum(within[g], (common * widened)[g]) for g in alike])
+    g_std = np.hypot(g_noise, g_common)
+    known = np.isfinite(g_std)
+    known &= _agreeing(m, g_depth, g_std, known)
+    weight = np.where(known, 1.0 / np.where(known, g_std, 1.0) ** 2, 0.0)
+    between = _shares(weight)
+    share = within * between[np.searchsorted(names, group)]
     fused = Estimated(len(m))
-    total = weight.sum(axis=0)
     # A depth without a deviation is exact, or its deviation unknown: it is taken as it is.
-    alone = (total == 0) & np.isfinite(depth).any(axis=0)
+    alone = ~known.any(axis=0) & np.isfinite(depth).any(axis=0)
     first = np.argmax(np.isfinite(depth), axis=0)
-    weight[first[alone], np.flatnonzero(alone)] = 1.0
-    share = _shares(weight)
+    share[first[alone], np.flatnonzero(alone)] = 1.0
     fused.depth_m = _sum(share, depth)
-    # What two methods share (the pose, the foot's row) adds up; it is not known how much they do.
-    fused.depth_common_std_m = np.nan_to_num(_sum(share, common))
-    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
-    fused.depth_std_m = np.hypot(_root_sum(share, noise), fused.depth_common_std_m)
-    _weighted_heights(fused, parts, share)
+    # Methods that read different things are calibrated by different things as well.
+    fused.depth_common_std_m = np.nan_to_num(_root_sum(between, g_common))
+    noise_m = _root_sum(between, g_noise)
+    noise_m[alone] = noise[first[alone], np.flatnonzero(alone)]
+    fused.depth_common_std_m[alone] = common[first[alone], np.flatnonzero(alone)]
+    fused.depth_std_m = np.hypot(noise_m, fused.depth_common_std_m)
+    _weighted_heights(fused, parts, share, group, widened)
     for name in ("range_m", "x_m", "y_m"):
         setattr(fused, name, _sum(share, np.stack([getattr(e, name) for e in parts])))
     ranges = np.stack([e.in_calibrated_range for e in parts])
@@ -97,6 +130,26 @@ def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
     stated = (np.isfinite(ranges) & (share > 0)).any(axis=0)
     fused.in_calibrated_range = np.where(outside, 0.0, np.where(stated, 1.0, np.nan))
     return fused
+
+
+def _contradiction(
+    depth: FloatArray, common: FloatArray, within: FloatArray, group: npt.NDArray[np.str_]
+) -> FloatArray:
+    """Return by how much the common deviations of methods that read the same are too small, (k, n).
+
+    They see the same box, so nothing but their calibrations can set them apart: the scale factor of the
+    Particle Data Group (Review of Particle Physics, unconstrained averaging), where it exceeds one.
+    """
+    wider = np.ones_like(depth)
+    for name in sorted(set(group)):
+        g = group == name
+        used = within[g] > 0
+        mean = _sum(within[g], depth[g])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            squared = ((depth[g] - mean) / common[g]) ** 2
+        squared = np.where(used & np.isfinite(squared), squared, 0.0).sum(axis=0)
+        wider[g] = np.sqrt(np.maximum(squared / np.maximum(used.sum(axis=0) - 1, 1), 1.0))
+    return wider
 
 
 def _agreeing(m: Measured, depth: FloatArray, std: FloatArray, usable: BoolArray) -> BoolArray:
@@ -111,11 +164,20 @@ def _agreeing(m: Measured, depth: FloatArray, std: FloatArray, usable: BoolArray
     return np.asarray(~(np.abs(typical) > CONTRADICTION) | (best == np.arange(len(depth))[:, None]))
 
 
-def _weighted_heights(fused: Estimated, parts: list[Estimated], share: FloatArray) -> None:
+def _weighted_heights(
+    fused: Estimated,
+    parts: list[Estimated],
+    share: FloatArray,
+    group: npt.NDArray[np.str_],
+    widened: FloatArray,
+) -> None:
     """Enter heights: those that were measured; one that was put in only where there is no other."""
     tall = np.stack([e.height_m for e in parts])
     std = np.stack([e.height_std_m for e in parts])
     common = np.stack([e.height_common_std_m for e in parts])
+    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
+    common = common * widened
+    std = np.hypot(noise, common)
     assumed = np.stack([e.height_assumed for e in parts])
     known = np.isfinite(tall) & (share > 0)
     measured = known & ~assumed
@@ -124,14 +186,17 @@ def _weighted_heights(fused: Estimated, parts: list[Estimated], share: FloatArra
     weight = np.where(usable, 1.0 / np.maximum(np.nan_to_num(std, nan=1.0), 1e-9) ** 2, 0.0)
     part = _shares(weight)
     fused.height_m = _sum(part, tall)
-    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
-    fused.height_common_std_m = np.nan_to_num(_sum(part, common))
-    fused.height_std_m = np.hypot(_root_sum(part, noise), fused.height_common_std_m)
+    fused.height_common_std_m = np.nan_to_num(_root_sum_alike(part, common, group))
+    fused.height_std_m = np.hypot(_root_sum_alike(part, noise, group), fused.height_common_std_m)
     fused.height_assumed = np.asarray(none & known.any(axis=0))
 
 
-def _shares(weight: FloatArray) -> FloatArray:
-    total = weight.sum(axis=0)
+def _shares(weight: FloatArray, group: npt.NDArray[np.str_] | None = None) -> FloatArray:
+    """Return weights, (k, n), over their sum: of all, or of those of the same group."""
+    if group is None:
+        total = np.broadcast_to(weight.sum(axis=0), weight.shape)
+    else:
+        total = np.stack([weight[group == name].sum(axis=0) for name in group])
     return np.where(total > 0, weight / np.where(total > 0, total, 1.0), 0.0)
 
 
@@ -146,17 +211,28 @@ def _root_sum(share: FloatArray, std: FloatArray) -> FloatArray:
     return np.sqrt(_sum(share**2, std**2))
 
 
-def _use_head(fused: Estimated, geometry: Geometry, plane: GroundPlane, ground: Estimated) -> None:
-    """Bring in the depth at which the head is as high as the track's own height."""
+def _root_sum_alike(share: FloatArray, std: FloatArray, group: npt.NDArray[np.str_]) -> FloatArray:
+    """Return the deviation of a weighted sum whose errors are the same in a group."""
+    sums = [_sum(share[group == name], std[group == name]) for name in sorted(set(group))]
+    known = np.isfinite(np.stack(sums))
+    total = np.sqrt((np.nan_to_num(np.stack(sums)) ** 2).sum(axis=0))
+    return np.where(known.any(axis=0), total, np.nan)
+
+
+def _use_head(
+    fused: Estimated,
+    geometry: Geometry,
+    plane: GroundPlane,
+    ground: Estimated,
+    track: AgainstTrack,
+) -> BoolArray:
+    """Bring in the depth at which the head is as high as the track's own height.
+
+    Returns where the height is that of the track's other frames, (n,).
+    """
     m = geometry.measured
-    noise_m = np.sqrt(np.maximum(ground.height_std_m**2 - ground.height_common_std_m**2, 0.0))
-    noise_m = np.hypot(noise_m, GAIT_STD_M)
-    whole = np.isfinite(ground.height_m) & (m.occlusion < CLEAR_OCCLUSION)
-    tall_m, tall_std_m = _track_median(m, ground.height_m, whole)
-    with np.errstate(invalid="ignore"):
-        off = (ground.height_m - tall_m) / noise_m
-    hidden = (off < HIDDEN) | m.truncated[:, 3]
-    crowded = off > NOT_ALONE
+    tall_m, tall_std_m, off = track.height_m, track.height_std_m, track.off
+    hidden, crowded = track.hidden | m.truncated[:, 3], track.crowded
 
     depth_m, head_noise_m, per_height = _head_depth(geometry, plane, tall_m)
     head_common_m = np.hypot(per_height * tall_std_m, np.nan_to_num(ground.depth_common_std_m))
@@ -186,32 +262,16 @@ def _use_head(fused: Estimated, geometry: Geometry, plane: GroundPlane, ground: 
     # The height there is that of the other frames.
     put_in = take & (hidden | (share >= 1))
     fused.height_m = np.where(put_in, tall_m, fused.height_m)
+    seen = np.isfinite(ground.height_m)
+    common_m = pd.Series(np.where(seen, ground.height_common_std_m, np.nan))
+    of_track_m = common_m.groupby(m.track_id).transform("median").to_numpy(dtype=np.float64)
+    of_track_m = np.nan_to_num(of_track_m)
+    fused.height_std_m = np.where(put_in, np.hypot(tall_std_m, of_track_m), fused.height_std_m)
+    fused.height_common_std_m = np.where(
+        put_in, fused.height_std_m, np.nan_to_num(fused.height_common_std_m)
+    )
     fused.height_assumed |= put_in
-
-
-def _track_median(m: Measured, values: FloatArray, use: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Return the median of each observation's track and its standard deviation by noise, (n,)."""
-    chosen = pd.Series(np.where(use, values, np.nan))
-    by_track = chosen.groupby(m.track_id)
-    middle = by_track.transform("median").to_numpy(dtype=np.float64)
-    count = by_track.transform("count").to_numpy(dtype=np.float64)
-    apart = pd.Series(np.abs(chosen.to_numpy() - middle)).groupby(m.track_id)
-    spread = 1.4826 * apart.transform("median").to_numpy(dtype=np.float64)
-    independent = np.maximum(count * _independent_share(m), 1.0)
-    std = np.sqrt(np.pi / 2) * np.maximum(spread, GAIT_STD_M) / np.sqrt(independent)
-    return np.where(count >= MIN_WHOLE, middle, np.nan), std
-
-
-def _independent_share(m: Measured) -> FloatArray:
-    """Return the part of an independent observation that each one is: its interval over 0.5 s."""
-    order = np.lexsort((m.capture_time_ns, m.track_id))
-    track, time_ns = m.track_id[order], m.capture_time_ns[order]
-    step_s = np.diff(time_ns, prepend=0) / 1e9
-    step_s[np.diff(track, prepend=-1) != 0] = np.nan
-    by_track = pd.Series(step_s).groupby(track).transform("median").to_numpy(dtype=np.float64)
-    share = np.empty(len(track))
-    share[order] = np.clip(np.nan_to_num(by_track, nan=CORRELATION_S) / CORRELATION_S, 1e-3, 1.0)
-    return share
+    return np.asarray(put_in & np.isfinite(tall_m))
 
 
 def _head_depth(
@@ -240,7 +300,7 @@ def _smooth(fused: Estimated, geometry: Geometry, plane: GroundPlane | None) -> 
     """Smooth positions along the tracks; depths, ranges and deviations follow from them."""
     m = geometry.measured
     position, covariance = _places(fused, geometry, plane)
-    inflated = covariance / _independent_share(m)[:, None, None]
+    inflated = covariance / independent_share(m)[:, None, None]
     time_s = (m.capture_time_ns - m.capture_time_ns.min(initial=0)) / 1e9
     smoothed = smooth_tracks(m.track_id, time_s, position, inflated)
     several = pd.Series(m.track_id).groupby(m.track_id).transform("count").to_numpy() > 1
@@ -285,7 +345,8 @@ def _places(
         x_m, y_m = fused.depth_m * x, fused.depth_m
     along = noise_m[:, None] * np.column_stack([x, np.full(len(x), 1.0 / np.cos(tilt))])
     across_m = fused.depth_m * SWAY * np.abs(geometry.width_angle)
-    across_m = np.nan_to_num(across_m, nan=0.1) + 1e-3
+    # A box that the picture cuts off at a side shows some part of a person, not their middle.
+    across_m = np.nan_to_num(across_m, nan=HALF_SHOULDERS_M) + 1e-3
     covariance = along[:, :, None] * along[:, None, :]
     covariance[:, 0, 0] += across_m**2
     covariance[:, 1, 1] += 1e-6

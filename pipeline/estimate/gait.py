@@ -1,6 +1,13 @@
-"""What walking does to a person's height in the picture."""
+"""What walking does to a person's height in the picture, and how tall they are when they stand."""
 
 from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from pipeline.estimate.columns import BoolArray, Estimated, Measured
+
+WALKER = "person"
 
 # The head rises and falls by 46 mm from lowest to highest, twice a stride (Whittle, Gait Analysis:
 # vertical excursion of the trunk): a sine of 16 mm standard deviation.
@@ -14,3 +21,34 @@ GAIT_DROP_M = STANCE_KNEE_M + EXCURSION_M / 2
 GAIT_DROP_STD_M = GAIT_DROP_M / 2
 # Slower than this nobody walks: it is standing about (a slow walk is 0.8 m/s).
 WALKING_FROM_M_S = 0.4
+
+
+def walking(measured: Measured, speed_m_s: np.ndarray) -> BoolArray:
+    """Return which observations, (n,), are of a track of a person who walks, by its median speed."""
+    by_track = pd.DataFrame(
+        {"speed_m_s": speed_m_s, "person": measured.class_name == WALKER}
+    ).groupby(measured.track_id)
+    fast = by_track["speed_m_s"].transform("median").to_numpy() > WALKING_FROM_M_S
+    mostly = by_track["person"].transform("mean").to_numpy() > 0.5
+    return np.asarray(fast & mostly)
+
+
+def as_standing(
+    measured: Measured, estimated: Estimated, speed_m_s: np.ndarray, put_in: BoolArray
+) -> None:
+    """Turn the heights of walkers into what they are when standing, which is what a survey measures.
+
+    The drop differs by person, and is common to a track; the rise and fall is each frame's own.
+
+    Args:
+        measured: the observations.
+        estimated: heights as they are seen; changed in place.
+        speed_m_s: of each observation on the ground, (n,), NaN where it is unknown.
+        put_in: where the height is that of a prior, which is of people who stand, (n,).
+    """
+    walks = walking(measured, speed_m_s) & ~put_in & np.isfinite(estimated.height_m)
+    common_m = np.hypot(estimated.height_common_std_m, GAIT_DROP_STD_M)
+    own_m = np.hypot(np.hypot(estimated.height_std_m, GAIT_DROP_STD_M), GAIT_STD_M)
+    estimated.height_m = np.where(walks, estimated.height_m + GAIT_DROP_M, estimated.height_m)
+    estimated.height_std_m = np.where(walks, own_m, estimated.height_std_m)
+    estimated.height_common_std_m = np.where(walks, common_m, estimated.height_common_std_m)

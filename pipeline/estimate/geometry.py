@@ -127,15 +127,41 @@ class Geometry:
         """Whether the picture cuts off the head or the feet, (n,)."""
         return np.asarray(self.measured.truncated[:, 1] | self.measured.truncated[:, 3])
 
-    @cached_property
+    @property
     def foot(self) -> FloatArray:
-        """The middle of the lower edge, (n, 2), the camera's roll removed."""
-        return self._point(3)
+        """Where the object stands, (n, 2), the camera's roll removed."""
+        return self._ends[0]
+
+    @property
+    def head(self) -> FloatArray:
+        """Its upper end, (n, 2), the camera's roll removed."""
+        return self._ends[1]
 
     @cached_property
-    def head(self) -> FloatArray:
-        """The middle of the upper edge, (n, 2), the camera's roll removed."""
-        return self._point(1)
+    def _ends(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper end: the middles of the box's edges, and with the pose, as it leans.
+
+        What is upright leans in the picture: away from the middle of a picture that looks down, and
+        with the roll. The box reaches from one end to the other, so each end is half of that beside
+        the middle. With a roll this moves the row of the foot as well.
+        """
+        foot, head = self._point(3), self._point(1)
+        plane = self.measured.ground_plane
+        if plane is None or self.measured.intrinsics is None:
+            return foot, head
+        tilt, roll = plane.tilt_rad, plane.roll_rad
+        at_foot, at_head = foot, head
+        for _ in range(2):  # the second time moves it by less than a hundredth of a pixel
+            rise = foot[:, 1] - head[:, 1]
+            # The head is nearer than the foot by this share of the foot's depth: H sin t / Z.
+            nearer = rise * np.sin(tilt) / (np.cos(tilt) - head[:, 1] * np.sin(tilt))
+            with np.errstate(invalid="ignore", divide="ignore"):
+                outwards = (foot[:, 0] + head[:, 0]) / 2 * nearer / (2 - nearer)
+            lean = rise * np.sin(roll) / 2 - outwards * np.cos(roll)
+            lean = np.where(self.height_cut | ~np.isfinite(lean), 0.0, lean)
+            step = np.column_stack([lean, np.zeros(len(lean))])
+            foot, head = at_foot + remove_roll(step, roll), at_head - remove_roll(step, roll)
+        return foot, head
 
     @cached_property
     def middle(self) -> FloatArray:

@@ -15,10 +15,6 @@ from pipeline.optics.ground_plane import (
     range_m,
 )
 
-# Where the boxes of nearer objects cover an object, its lower end is the detector's guess: the share
-# that is covered, of the box's height, is how far the feet may be off (uniform: a third is one sigma).
-HIDDEN_FOOT = 1.0 / 3.0
-
 
 def estimate(geometry: Geometry) -> Estimated:
     """Return depths, heights and positions of what stands on the ground; the pose must be known.
@@ -35,15 +31,14 @@ def estimate(geometry: Geometry) -> Estimated:
     h_m, tilt = plane.camera_height_m, plane.tilt_rad
     depth_m = foot_depth_m(h_m, tilt, y_f)
     tall_m = height_m(depth_m, y_f, y_h, tilt)
-    foot_std = np.hypot(geometry.foot_std, HIDDEN_FOOT * m.occlusion * (y_f - y_h))
 
     by_pose = np.stack(depth_jacobian(h_m, tilt, x_f, y_f), axis=1)
     depth_common = _quadratic(by_pose[:, :3], plane.covariance)
-    depth_std_m = np.sqrt(depth_common + (by_pose[:, 3] * foot_std) ** 2)
+    depth_std_m = np.sqrt(depth_common + (by_pose[:, 3] * geometry.foot_std) ** 2)
 
     tall_by = np.stack(height_jacobian(h_m, tilt, foot, head), axis=1)
     tall_common = _quadratic(tall_by[:, :3], plane.covariance)
-    noise = (tall_by[:, 3] * foot_std) ** 2 + (tall_by[:, 4] * geometry.head_std) ** 2
+    noise = (tall_by[:, 3] * geometry.foot_std) ** 2 + (tall_by[:, 4] * geometry.head_std) ** 2
 
     footless = m.truncated[:, 3]
     estimated.depth_m = np.where(footless, np.nan, depth_m)

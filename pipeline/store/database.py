@@ -22,7 +22,7 @@ import pyarrow.dataset
 
 from pipeline.diagnostics import diagnostics_table
 from pipeline.errors import StoreError, UsageError, Where
-from pipeline.records import PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
+from pipeline.records import OBSERVATION_QUALITY, PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
 from pipeline.store.catalog import View, views
 from pipeline.store.connection import connect
 from pipeline.store.schema import apply_schema
@@ -34,6 +34,7 @@ RECORDING_TABLES = (
     "matches",
     "estimates",
     "track_heights",
+    "observation_quality",
 )
 # How rows are sorted as they go in, so that a recording's, a camera's and a time's lie together.
 _ORDER = {
@@ -43,6 +44,7 @@ _ORDER = {
     "ground_truth": "camera, frame_index, object_id",
     "estimates": "method, observation_index",
     "track_heights": "method, camera, track_id",
+    "observation_quality": "observation_index",
 }
 
 
@@ -234,9 +236,16 @@ class Store:
         estimates: pa.Table,
         track_heights: pa.Table,
         calibrations: pa.Table,
+        quality: pa.Table | None = None,
     ) -> None:
         """Replace what pass 2 made of a recording in a run; call inside a transaction."""
-        for table, rows in (("estimates", estimates), ("track_heights", track_heights)):
+        judged = OBSERVATION_QUALITY.empty_table() if quality is None else quality
+        made = {
+            "estimates": estimates,
+            "track_heights": track_heights,
+            "observation_quality": judged,
+        }
+        for table, rows in made.items():
             self._connection.execute(
                 f"DELETE FROM {table} WHERE recording_id = ? AND run_id = ?",
                 [recording_id, run_id],

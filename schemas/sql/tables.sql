@@ -245,7 +245,7 @@ COMMENT ON COLUMN estimates.method IS 'aperture (Eq. 16), inverse (Eq. 17), size
 COMMENT ON COLUMN estimates.calibration_id IS 'The calibration that was used.';
 COMMENT ON COLUMN estimates.depth_m IS 'Distance along the optical axis.';
 COMMENT ON COLUMN estimates.depth_std_m IS 'Its standard deviation; 95 % interval: 1.96 of it to either side.';
-COMMENT ON COLUMN estimates.height_m IS 'Height of the object.';
+COMMENT ON COLUMN estimates.height_m IS 'Height of the object; of somebody who walks, the height when standing, which is 3.3 cm more than what the picture shows (pipeline/estimate/gait.py).';
 COMMENT ON COLUMN estimates.height_std_m IS 'Its standard deviation.';
 COMMENT ON COLUMN estimates.height_assumed IS 'TRUE where the height was put in (the depth came from a height prior), not measured.';
 COMMENT ON COLUMN estimates.range_m IS 'Euclidean distance to the middle of the object.';
@@ -275,13 +275,35 @@ COMMENT ON COLUMN track_heights.camera IS 'The camera.';
 COMMENT ON COLUMN track_heights.track_id IS 'The track.';
 COMMENT ON COLUMN track_heights.method IS 'The method.';
 COMMENT ON COLUMN track_heights.height_m IS 'Robust combination of the heights of its frames.';
-COMMENT ON COLUMN track_heights.height_std_m IS 'Its standard deviation, correlation between frames included.';
+COMMENT ON COLUMN track_heights.height_std_m IS 'Its standard deviation: of the frames as far as they are independent, of the gait, and of the calibration.';
 COMMENT ON COLUMN track_heights.height_assumed IS 'TRUE where the height was put in, not measured.';
 COMMENT ON COLUMN track_heights.height_plausible IS 'FALSE where one object of its class cannot be so tall or so small: two people in one box, or half of one. NULL where nothing is known of the class, or the height was put in.';
 COMMENT ON COLUMN track_heights.depth_min_m IS 'Nearest depth.';
 COMMENT ON COLUMN track_heights.depth_median_m IS 'Median depth.';
 COMMENT ON COLUMN track_heights.depth_max_m IS 'Farthest depth.';
 COMMENT ON COLUMN track_heights.observation_count IS 'Estimates that went in.';
+
+CREATE TABLE IF NOT EXISTS observation_quality (
+    recording_id      VARCHAR NOT NULL,
+    run_id            VARCHAR NOT NULL,
+    observation_index INTEGER NOT NULL,
+    quality           DOUBLE,
+    contact_visible   BOOLEAN,
+    head_visible      BOOLEAN,
+    aspect_plausible  BOOLEAN,
+    alone             BOOLEAN,
+    stride_phase_rad  DOUBLE
+);
+COMMENT ON TABLE observation_quality IS 'One row an observation a run: how far it can be trusted. Nothing is dropped for it: what is bad has wider deviations in main.estimates.';
+COMMENT ON COLUMN observation_quality.recording_id IS 'The recording.';
+COMMENT ON COLUMN observation_quality.run_id IS 'The run that judged it.';
+COMMENT ON COLUMN observation_quality.observation_index IS 'The observation.';
+COMMENT ON COLUMN observation_quality.quality IS 'Weight of the worse end of the box beside that of the same box with nothing wrong, 0..1; 0 where the picture cuts off the head or the feet.';
+COMMENT ON COLUMN observation_quality.contact_visible IS 'Whether the feet can be seen where they touch the ground: not below the picture, not behind the box of a nearer object, and not so much smaller than the rest of the track that something without a box hides them.';
+COMMENT ON COLUMN observation_quality.head_visible IS 'Whether the head can be seen: not above the picture, not behind the box of a nearer object.';
+COMMENT ON COLUMN observation_quality.aspect_plausible IS 'FALSE where the shape of the box is not that of one upright person, or has changed by more than a stride does.';
+COMMENT ON COLUMN observation_quality.alone IS 'FALSE where the box is so much taller than the rest of the track that somebody else is in it.';
+COMMENT ON COLUMN observation_quality.stride_phase_rad IS 'Phase of the step: 0 with the feet farthest apart, +-pi when together; NULL where the width of the box has no rhythm. No estimate uses it.';
 
 CREATE TABLE IF NOT EXISTS ground_truth (
     recording_id VARCHAR NOT NULL,

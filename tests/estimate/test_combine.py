@@ -6,6 +6,7 @@ import pytest
 
 from pipeline.config import ADULT, Config, SizePrior
 from pipeline.estimate.combine import calibrations_table, estimate
+from pipeline.estimate.gait import GAIT_DROP_M
 from pipeline.records import (
     CALIBRATIONS,
     ESTIMATES,
@@ -53,7 +54,8 @@ def test_every_method_that_applies_gives_rows_of_the_tables():
     assert result.calibrations.schema == CALIBRATIONS
     assert set(result.estimates["method"].to_pylist()) == {"aperture", "size", "ground", "fused"}
     ground = rows(result.estimates, "ground")
-    np.testing.assert_allclose(ground["height_m"], 1.8, rtol=1e-6)
+    # who walks is 1.8 m tall in the picture, and more when standing
+    np.testing.assert_allclose(ground["height_m"], 1.8 + GAIT_DROP_M, rtol=1e-6)
     aperture = rows(result.estimates, "aperture")
     assert aperture["calibration_id"] == [K.calibration_id] * 50
     assert aperture["in_calibrated_range"] == [False] * 50

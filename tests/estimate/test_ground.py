@@ -19,27 +19,30 @@ def simulated() -> Scene:
     return scene(np.random.default_rng(2), 6, bad_share=0.0)
 
 
-def test_depths_and_heights_come_back_from_exact_boxes(simulated: Scene) -> None:
+@pytest.mark.parametrize("roll_rad", [0.0, 0.05, -0.05])
+def test_depths_and_heights_come_back_from_exact_boxes(simulated: Scene, roll_rad: float) -> None:
     plane, k = simulated.plane, simulated.measured.intrinsics
     assert k is not None
+    plane = replace(plane, roll_rad=roll_rad)
     x_m = np.linspace(-2, 2, 5)
     y_m = simulated.true_depth_m[:5] / np.cos(plane.tilt_rad)
-    foot, head = project_person(x_m, y_m, 1.75, plane.camera_height_m, plane.tilt_rad, 0.0)
+    pose = (plane.camera_height_m, plane.tilt_rad, plane.roll_rad)
+    foot, head = project_person(x_m, y_m, 1.75, *pose)
     foot_px = foot * [k.fx_px, k.fy_px] + [k.cx_px, k.cy_px]
     head_px = head * [k.fx_px, k.fy_px] + [k.cx_px, k.cy_px]
-    box = np.stack([foot_px[:, 0] - 9, head_px[:, 1], foot_px[:, 0] + 9, foot_px[:, 1]], axis=1)
+    middle_px = (foot_px[:, 0] + head_px[:, 0]) / 2  # who leans reaches from one end to the other
+    box = np.stack([middle_px - 9, head_px[:, 1], middle_px + 9, foot_px[:, 1]], axis=1)
     m = simulated.measured
     names = [n for n in m.__slots__ if isinstance(getattr(m, n), np.ndarray)]
     first = {n: getattr(m, n)[:5] for n in names} | {"bbox_xyxy_px": box}
-    level = GroundPlane(plane.camera_height_m, plane.tilt_rad)
-    found = ground.estimate(Geometry(replace(m, **first, ground_plane=level)))
-    np.testing.assert_allclose(found.height_m, 1.75, rtol=1e-9)
-    np.testing.assert_allclose(found.x_m, x_m, atol=1e-9)
-    np.testing.assert_allclose(found.y_m, y_m, rtol=1e-9)
+    found = ground.estimate(Geometry(replace(m, **first, ground_plane=plane)))
+    np.testing.assert_allclose(found.height_m, 1.75, rtol=1e-5)
+    np.testing.assert_allclose(found.x_m, x_m, atol=1e-4)
+    np.testing.assert_allclose(found.y_m, y_m, rtol=1e-5)
     along = y_m * np.cos(plane.tilt_rad) + plane.camera_height_m * np.sin(plane.tilt_rad)
-    np.testing.assert_allclose(found.depth_m, along, rtol=1e-9)
+    np.testing.assert_allclose(found.depth_m, along, rtol=1e-5)
     drop = plane.camera_height_m - 0.875
-    np.testing.assert_allclose(found.range_m, np.sqrt(x_m**2 + y_m**2 + drop**2), rtol=1e-9)
+    np.testing.assert_allclose(found.range_m, np.sqrt(x_m**2 + y_m**2 + drop**2), rtol=1e-5)
     assert not found.height_assumed.any()
 
 
@@ -53,17 +56,6 @@ def test_what_the_picture_cuts_is_not_told(simulated: Scene) -> None:
     assert np.isfinite(found.depth_m[1])
     assert np.isnan(found.height_m[1])
     assert np.isfinite(found.height_m[2])
-
-
-def test_hidden_feet_make_it_less_sure(simulated: Scene) -> None:
-    count = len(simulated.measured)
-    std = []
-    for share in (0.0, 0.6):
-        measured = replace(
-            simulated.measured, occlusion=np.full(count, share), ground_plane=simulated.plane
-        )
-        std.append(np.median(ground.estimate(Geometry(measured)).depth_std_m))
-    assert std[1] > 5 * std[0]
 
 
 def test_without_a_pose_or_a_lens_there_is_nothing(simulated: Scene) -> None:
