@@ -177,8 +177,9 @@ def _describe(store: Store, result: Result, detector: str) -> None:
     camera = store.query("FROM cameras").to_pylist()[0]
     names = ("camera_height_m", "tilt_rad", "roll_rad")
     found = camera["pose_source"] == "walkers"
-    pose = tuple(camera[n] for n in names) if found else None
-    result.found_pose[detector] = pose  # type: ignore[assignment]
+    above_m, tilt_rad, roll_rad = (camera[n] for n in names)
+    pose = (above_m, tilt_rad, roll_rad) if found else None
+    result.found_pose[detector] = pose
     if found:
         std_names = ("camera_height_std_m", "tilt_std_rad", "roll_std_rad")
         plane = result.view.plane

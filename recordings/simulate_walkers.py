@@ -27,8 +27,9 @@ from pipeline.ingest.mcap_writer import (
     image_message,
     timestamp,
 )
+from recordings.walkers_random import make_scene
 from recordings.walkers_render import Renderer, Seen
-from recordings.walkers_scene import Scene, Settings, make_scene
+from recordings.walkers_scene import Scene, Settings
 from recordings.walkers_view import View
 from schemas.stadimeter_pb2 import BoundingBox, CameraExposure, Detections, GroundTruth
 
@@ -175,7 +176,10 @@ def main() -> None:
     parser.add_argument("--quality", type=int, default=JPEG_QUALITY, help="of the JPEGs")
     parser.add_argument("--with-detections", action="store_true", help="add the true boxes")
     given = parser.parse_args()
-    settings = Settings(given.seed, given.duration, given.frame_rate, *given.size, given.people)
+    width_px, height_px = given.size
+    settings = Settings(
+        given.seed, given.duration, given.frame_rate, width_px, height_px, given.people
+    )
     write(
         given.output,
         KEPT if given.kept else settings,

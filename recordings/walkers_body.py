@@ -107,10 +107,17 @@ class Build:
         left_out = [n for n, has in (("pack", self.has_pack), ("bag", self.has_bag)) if not has]
         return [(c, [INDEX[n] for n in names]) for c, names in LIMBS if c not in left_out]
 
+    @property
+    def drawn(self) -> list[int]:
+        """The spheres that belong to a limb."""
+        return sorted({i for _, spheres in self.limbs for i in spheres})
+
     def step_m(self, speed_m_s: float) -> float:
         """Return the length of a step: it grows with the root of the speed (Grieve 1968)."""
         scale = self.height_m / 1.70
-        return float((0.36 if self.runs else 0.62) * speed_m_s ** (0.8 if self.runs else 0.5) * scale)
+        return float(
+            (0.36 if self.runs else 0.62) * speed_m_s ** (0.8 if self.runs else 0.5) * scale
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,7 +66,8 @@ def _ground(
     v = -x * np.sin(turn) + y * np.cos(turn)
     layout = _LAYOUTS[random.integers(len(_LAYOUTS))]
     seen = v[np.isfinite(depth_m) & (depth_m < 40)]
-    edges = np.sort(random.uniform(*np.quantile(seen, [0.02, 0.98]), 2))
+    first, last = np.quantile(seen, [0.02, 0.98])
+    edges = np.sort(random.uniform(first, last, 2))
     out = np.zeros((*x.shape, 3), np.float32)
     for number, name in enumerate(layout):
         low = edges[number - 1] if number else -np.inf
@@ -77,7 +78,7 @@ def _ground(
         line = _step(0.07 - np.abs(v - edge), footprint_m)[..., None]
         out += (line * (np.float32(random.choice([80, 170, 200])) - out) * 0.7).astype(np.float32)
     if random.uniform() < 0.5:  # dashes, or the lines of parking bays
-        middle = random.uniform(*edges)
+        middle = random.uniform(edges[0], edges[1])
         line = _step(0.06 - np.abs(v - middle), footprint_m)
         line = line * _step(0.9 - np.abs((u % 4.0) - 1.0), footprint_m)
         out += (line[..., None] * (210 - out) * 0.75).astype(np.float32)
@@ -108,7 +109,9 @@ def _material(
             value *= (1 - 0.28 * dark).astype(np.float32)
         cell = np.sin(np.floor(shifted / side[0]) * 12.9898 + np.floor(v / side[1]) * 78.233)
         tone = (cell * 43758.5453) % 1.0 - 0.5
-        value += (0.12 * tone * np.clip(side[0] / (2 * footprint_m + 1e-6), 0, 1)).astype(np.float32)
+        value += (0.12 * tone * np.clip(side[0] / (2 * footprint_m + 1e-6), 0, 1)).astype(
+            np.float32
+        )
     return np.asarray(value[..., None] * np.array(colour, np.float32))
 
 
@@ -131,7 +134,9 @@ def _distance(
     for n in np.unique(number):
         random_n = np.random.default_rng((abs(int(n)), int(n > 0), 17))
         mine = number == n
-        wall = np.array([120, 132, 146]) * random_n.uniform(0.55, 1.35) * random_n.normal(1, 0.06, 3)
+        wall = (
+            np.array([120, 132, 146]) * random_n.uniform(0.55, 1.35) * random_n.normal(1, 0.06, 3)
+        )
         high_m, floor_m = random_n.uniform(6, 16), random_n.uniform(2.9, 3.6)
         window = _step(0.55 - np.abs((x % 2.4) - 1.2), blur_m) * _step(
             0.7 - np.abs((z % floor_m) - 1.7), blur_m

@@ -25,9 +25,12 @@ _FINE, _COARSE, _LARGE_PX = 4, 2, 260
 _SHIFT = 4  # bits of a fraction of a pixel in OpenCV's drawing
 
 SHADOW_LIGHT = (0.72, 0.67, 0.63)  # factor on blue, green, red: the sky is bluer than the sun
-CONTACT_LIGHT = 0.80  # under the feet, where less of the sky is seen
+# At twice its radius from a leg's axis the leg hides a sixth of the sky's azimuths, at three times a
+# ninth: (radius of the blob as a share of stature, level of 255), of the factor at full level.
+CONTACT, CONTACT_LIGHT = ((0.085, 80), (0.05, 170)), 0.84
 DRIFT = 0.03  # of the light, in a minute or so
 READ_NOISE, PHOTON_NOISE = 1.6, 0.16  # grey levels: constant, and by the root of the level
+NOISY = (0.5, 1.4)  # times that, from camera to camera
 LENS_BLUR_PX = 0.55
 VISIBLE_SHARE = 0.05  # below it, somebody hidden is not in the truth
 
@@ -66,6 +69,9 @@ class Renderer:
         random = np.random.default_rng((7, scene.look_seed))
         size = (self.view.height_px, self.view.width_px)
         self._light = self._light_from()
+        # where things stand before the ground, and where besides no sun falls: known with the background
+        self._things_cover, self._sunless = np.zeros(size, np.uint8), np.zeros(size, np.uint8)
+        self._noisy = random.uniform(*NOISY)
         noise = random.standard_normal((size[0] + 97, size[1] + 131, 3)).astype(np.float32)
         self._noise = cv2.GaussianBlur(noise, (0, 0), 0.5)
         self._noise /= self._noise.std()
@@ -89,7 +95,9 @@ class Renderer:
         for thing in self.scene.things:
             order = sorted(
                 thing.parts,
-                key=lambda p: -float(np.linalg.norm(self.view.in_camera(p.centres_m), axis=1).min()),
+                key=lambda p: (
+                    -float(np.linalg.norm(self.view.in_camera(p.centres_m), axis=1).min())
+                ),
             )
             if thing.kind == "car":
                 order = list(thing.parts)  # from the wheels up to the roof
@@ -112,22 +120,28 @@ class Renderer:
         if self.scene.sun is not None:
             for thing in self.scene.things:
                 for part in thing.parts:
-                    self._cast(shadow, part.centres_m, part.radii_m, [list(range(len(part.radii_m)))])
-        _darken(image, cv2.GaussianBlur(shadow, (0, 0), 1.2), SHADOW_LIGHT)
+                    self._cast(
+                        shadow, part.centres_m, part.radii_m, [list(range(len(part.radii_m)))]
+                    )
+        shadow = cv2.GaussianBlur(shadow, (0, 0), 1.2)
+        _darken(image, shadow, SHADOW_LIGHT)
         far_first = sorted(self._thing_patches, key=lambda t: -float(np.hypot(*t[0].place)))
         for _, patch in far_first:
             _put(image, patch, patch.cover)
+            over = self._things_cover[patch.window]
+            cv2.max(over, patch.cover, dst=over)
+        cv2.max(shadow, self._things_cover, dst=self._sunless)
         return image
 
     def frame(self, index: int, *, noise: bool = True) -> tuple[Image, list[Seen]]:
         """Return the picture of a frame, (h, w, 3), and who is in it."""
-        present = list(self.scene.present(index))
+        present = self.scene.present(index)
         image = self.background.copy()
         self._shadows(image, [p.person for p in present], index)
         owner = np.zeros(image.shape[:2], np.uint8)
         drawn: list[tuple[TruePerson, _Patch]] = []
         for number, true in enumerate(present, start=1):
-            patch = self._body(true.person, index)
+            patch = self._body(true, index)
             if patch is None:
                 continue
             cover = patch.cover
@@ -146,19 +160,17 @@ class Renderer:
                 seen.append(Seen(true, self._clipped(true.full_box_px), share))
         return self._develop(image, index, noise=noise), seen
 
-    def _clipped(
-        self, box: tuple[float, float, float, float]
-    ) -> tuple[float, float, float, float]:
+    def _clipped(self, box: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
         x0, y0, x1, y1 = box
         right, bottom = self.view.width_px - 0.5, self.view.height_px - 0.5
         return max(x0, -0.5), max(y0, -0.5), min(x1, right), min(y1, bottom)
 
-    def _body(self, person: Person, index: int) -> _Patch | None:
-        outlines = self.scene.outlines(person, index)
+    def _body(self, true: TruePerson, index: int) -> _Patch | None:
+        person = true.person
         centres = self.view.in_camera(person.spheres_m[index])
         away = np.linalg.norm(centres, axis=1)
         limbs = sorted(person.build.limbs, key=lambda limb: -float(away[limb[1]].mean()))
-        hulls = [outlines[spheres] for _, spheres in limbs]
+        hulls = [true.outlines_px[spheres] for _, spheres in limbs]
         return self._draw(hulls, [person.colours[name] for name, _ in limbs], person)
 
     def _draw(
@@ -171,7 +183,8 @@ class Renderer:
         low, high = np.floor(points.min(axis=0)) - 1, np.ceil(points.max(axis=0)) + 2
         x0, y0 = (int(v) for v in np.maximum(low, 0))
         x1, y1 = (
-            int(min(v, s)) for v, s in zip(high, (self.view.width_px, self.view.height_px), strict=True)
+            int(min(v, s))
+            for v, s in zip(high, (self.view.width_px, self.view.height_px), strict=True)
         )
         if x1 - x0 < 1 or y1 - y0 < 1:
             return None
@@ -203,24 +216,31 @@ class Renderer:
         return _Patch(x0, y0, colour, cover, whole)
 
     def _shadows(self, image: Image, people: list[Person], index: int) -> None:
-        contact = np.zeros(image.shape[:2], np.uint8)
-        shadow = np.zeros(image.shape[:2], np.uint8)
-        for person in people:
-            spheres, radii = person.spheres_m[index], person.build.radii_m
-            feet = [i for i, n in enumerate(SPHERES) if n.endswith(("heel", "toe"))]
-            low = spheres[feet] * [1, 1, 0] + [0, 0, 0.01]
-            blob = self.view.outlines(low, np.full(len(feet), 0.07 * person.build.height_m))
-            if np.isfinite(blob).all():
-                _fill(contact, blob[:2])
-                _fill(contact, blob[2:])
-            if self.scene.sun is not None:
-                self._cast(shadow, spheres, radii, [limb[1] for limb in person.build.limbs])
-        if contact.any():
-            _darken(image, cv2.GaussianBlur(contact, (0, 0), 1.5), (CONTACT_LIGHT,) * 3)
-        if shadow.any():
-            _darken(image, cv2.GaussianBlur(shadow, (0, 0), 0.9), SHADOW_LIGHT)
+        """Darken the ground: near the feet, where less sky is seen, and where the sun is hidden."""
+        if not people:
+            return
+        spheres = np.stack([p.spheres_m[index] for p in people])
+        tall_m = np.array([p.build.height_m for p in people])
+        contact, shadow = (np.zeros(image.shape[:2], np.uint8) for _ in range(2))
+        feet = spheres[:, _FEET].reshape(len(people), 2, 2, 3)
+        low = np.maximum(feet * [1, 1, 0], [-np.inf, -np.inf, 0.005])
+        for radius, level in CONTACT:
+            radii_m = np.broadcast_to(radius * tall_m[:, None, None], low.shape[:3])
+            blobs = self.view.outlines(low, radii_m)
+            for foot in blobs.reshape(-1, 2, *blobs.shape[3:]):
+                if np.isfinite(foot).all():
+                    _fill(contact, foot, level)
+        contact = cv2.subtract(cv2.GaussianBlur(contact, (0, 0), 1.5), self._things_cover)
+        _darken(image, contact, (CONTACT_LIGHT,) * 3)
+        if self.scene.sun is not None:
+            for person, centres in zip(people, spheres, strict=True):
+                hulls = [spheres for _, spheres in person.build.limbs]
+                self._cast(shadow, centres, person.build.radii_m, hulls)
+            shadow = cv2.subtract(cv2.GaussianBlur(shadow, (0, 0), 0.9), self._sunless)
+            _darken(image, shadow, SHADOW_LIGHT)
 
     def _cast(self, mask: Image, centres: Floats, radii: Floats, hulls: list[list[int]]) -> None:
+        """Fill where hulls of spheres (s, 3) keep the sun from the ground."""
         assert self.scene.sun is not None  # noqa: S101  (narrowing)
         outlines = self.view.shadows(centres, radii, self.scene.sun)
         for spheres in hulls:
@@ -234,7 +254,7 @@ class Renderer:
         gain = (1 + DRIFT * float(waves.mean())) ** (1 / 2.2)
         soft = cv2.GaussianBlur(image, (0, 0), LENS_BLUR_PX)
         if not noise:
-            return cv2.multiply(soft, self._vignette, scale=1 / 255)
+            return np.asarray(cv2.multiply(soft, self._vignette, scale=1 / 255), np.uint8)
         level = cv2.multiply(soft, self._vignette, scale=gain / 255, dtype=cv2.CV_32F)
         random = np.random.default_rng((11, self.scene.look_seed, index))
         dy, dx = int(random.integers(97)), int(random.integers(131))
@@ -242,20 +262,22 @@ class Renderer:
         if random.integers(2):
             grain = grain[:, ::-1]
         spread = cv2.LUT(soft, _NOISE_BY_LEVEL)
-        return cv2.convertScaleAbs(cv2.max(level + grain * spread, 0))
+        noisy = cv2.max(level + grain * (spread * np.float32(self._noisy)), 0)
+        return np.asarray(cv2.convertScaleAbs(noisy), np.uint8)
 
 
+_FEET = [i for i, name in enumerate(SPHERES) if name.endswith(("heel", "toe"))]
 _NOISE_BY_LEVEL = np.sqrt(READ_NOISE**2 + PHOTON_NOISE**2 * np.arange(256)).astype(np.float32)
 
 
 def _polygon(outlines: Floats) -> npt.NDArray[np.int32]:
     """Return the convex hull of points (s, k, 2) in OpenCV's fractions of a pixel."""
     points = np.clip(outlines.reshape(-1, 2), -2000, 20000) * (1 << _SHIFT)
-    return cv2.convexHull(np.rint(points).astype(np.int32))
+    return np.asarray(cv2.convexHull(np.rint(points).astype(np.int32)), np.int32)
 
 
-def _fill(mask: Image, outlines: Floats) -> None:
-    cv2.fillConvexPoly(mask, _polygon(outlines), (255,), cv2.LINE_AA, _SHIFT)
+def _fill(mask: Image, outlines: Floats, level: int = 255) -> None:
+    cv2.fillConvexPoly(mask, _polygon(outlines), (level,), cv2.LINE_AA, _SHIFT)
 
 
 def _darken(image: Image, mask: Image, light: tuple[float, float, float]) -> None:

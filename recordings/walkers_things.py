@@ -100,6 +100,26 @@ def tree(random: np.random.Generator, place: tuple[float, float]) -> Thing:
     return Thing("tree", place, (trunk, *crown), radius_m)
 
 
+def bench(place: tuple[float, float], heading_rad: float) -> Thing:
+    """Return a bench without a back, to sit on facing `heading_rad`; `place` is its middle."""
+    left = np.array([-np.sin(heading_rad), np.cos(heading_rad)])
+    ahead = np.array([np.cos(heading_rad), np.sin(heading_rad)])
+
+    def plank(along_m: float, deep_m: float, low_m: float, high_m: float, middle_m: float) -> Part:
+        corners = [
+            [*(np.array(place) + left * (middle_m + a * along_m) + ahead * b * deep_m), z]
+            for a in (-1, 1)
+            for b in (-1, 1)
+            for z in (low_m, high_m)
+        ]
+        return Part((58, 84, 110), np.array(corners), np.full(8, 0.02))
+
+    parts = [plank(0.04, 0.15, 0.02, 0.34, side) for side in (-0.65, 0.65)]
+    parts.append(plank(0.80, 0.19, 0.35, 0.36, 0.0))
+    axis = np.array([np.array(place) - 0.8 * left, np.array(place) + 0.8 * left])
+    return Thing("bench", place, tuple(parts), 0.25, axis)
+
+
 def car(random: np.random.Generator, place: tuple[float, float], heading_rad: float) -> Thing:
     """Return a parked car."""
     forward = np.array([np.cos(heading_rad), np.sin(heading_rad)])
@@ -119,7 +139,9 @@ def car(random: np.random.Generator, place: tuple[float, float], heading_rad: fl
     parts = [
         hull(both([(1.25, 0.32), (-1.25, 0.32)], 0.7), 0.31, (30, 30, 30)),
         hull(both([(1.9, 0.45), (-1.9, 0.45), (1.8, 0.7), (-1.9, 0.78)], 0.72), 0.14, body),
-        hull(both([(0.55, 0.85), (-1.4, 0.85), (0.05, 1.32), (-1.0, 1.32)], 0.62), 0.08, (70, 62, 56)),
+        hull(
+            both([(0.55, 0.85), (-1.4, 0.85), (0.05, 1.32), (-1.0, 1.32)], 0.62), 0.08, (70, 62, 56)
+        ),
         hull(both([(0.0, 1.36), (-0.95, 1.36)], 0.58), 0.08, roof),
     ]
     near = min((-1, 1), key=lambda s: float(np.hypot(*(np.array(place) + s * 0.85 * left))))

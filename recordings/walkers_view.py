@@ -20,7 +20,10 @@ Floats = npt.NDArray[np.float64]
 
 AROUND = 16  # points of an outline: they lie within 2 % of the radius
 _CIRCLE = np.stack(
-    [np.cos(2 * np.pi * np.arange(AROUND) / AROUND), np.sin(2 * np.pi * np.arange(AROUND) / AROUND)],
+    [
+        np.cos(2 * np.pi * np.arange(AROUND) / AROUND),
+        np.sin(2 * np.pi * np.arange(AROUND) / AROUND),
+    ],
     axis=1,
 )
 
