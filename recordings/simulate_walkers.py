@@ -38,7 +38,8 @@ JPEG_QUALITY = 80
 EXPOSURE_TIME_S, F_NUMBER, ISO_SPEED = 0.005, 2.0, 200.0
 CLASS = "person"
 # The recording that is kept: small enough for the source, long enough for a pose.
-KEPT = Settings(seed=12, duration_s=25.0, frame_rate=8.0, width_px=640, height_px=480, people=14)
+KEPT = Settings(seed=12, duration_s=25.0, frame_rate=8.0, width_px=560, height_px=420, people=14)
+KEPT_QUALITY = 65
 
 
 def write(
@@ -64,10 +65,12 @@ def write(
             _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
             messages = {
                 "image": image_message(jpeg.tobytes(), "jpeg", time_ns, camera),
-                "calibration": calibration_message(scene.view.intrinsics, time_ns, camera),
                 "exposure": _exposure(scene.view, time_ns, camera),
                 "truth": _truth(seen, time_ns, camera),
             }
+            if index % math.ceil(settings.frame_rate) == 0:
+                lens = calibration_message(scene.view.intrinsics, time_ns, camera)
+                messages = {"calibration": lens} | messages
             if with_detections:
                 messages["detections"] = _detections(seen, scene.view, time_ns, camera)
             for name, message in messages.items():
@@ -180,12 +183,12 @@ def main() -> None:
     settings = Settings(
         given.seed, given.duration, given.frame_rate, width_px, height_px, given.people
     )
-    write(
-        given.output,
-        KEPT if given.kept else settings,
-        quality=given.quality,
-        with_detections=given.with_detections,
-    )
+    if given.kept:
+        write(given.output, KEPT, quality=KEPT_QUALITY)
+    else:
+        write(
+            given.output, settings, quality=given.quality, with_detections=given.with_detections
+        )
 
 
 if __name__ == "__main__":

@@ -20,12 +20,12 @@ _TILE = 512
 _GRAINS_M = (0.03, 0.12, 0.5, 2.5)  # of the noise
 # blue, green, red; how strong each grain is
 _MATERIALS = {
-    "asphalt": ((98, 98, 96), (0.08, 0.03, 0.015, 0.04)),
-    "old asphalt": ((128, 130, 130), (0.07, 0.03, 0.02, 0.05)),
-    "slabs": ((146, 152, 156), (0.04, 0.04, 0.04, 0.05)),
-    "bricks": ((92, 104, 138), (0.07, 0.05, 0.04, 0.05)),
-    "grass": ((58, 92, 84), (0.13, 0.10, 0.06, 0.06)),
-    "gravel": ((122, 136, 144), (0.12, 0.05, 0.03, 0.04)),
+    "asphalt": ((98, 98, 96), (0.04, 0.015, 0.0075, 0.02)),
+    "old asphalt": ((128, 130, 130), (0.035, 0.015, 0.01, 0.025)),
+    "slabs": ((146, 152, 156), (0.02, 0.02, 0.02, 0.025)),
+    "bricks": ((92, 104, 138), (0.035, 0.025, 0.02, 0.025)),
+    "grass": ((58, 92, 84), (0.065, 0.05, 0.03, 0.03)),
+    "gravel": ((122, 136, 144), (0.06, 0.025, 0.015, 0.02)),
 }
 _LAYOUTS = (
     ("slabs", "asphalt", "slabs"),
@@ -95,7 +95,7 @@ def _material(
     colour, strengths = _MATERIALS[name]
     value = np.ones(u.shape, np.float32)
     for grain_m, strength, tile in zip(_GRAINS_M, strengths, tiles, strict=True):
-        fade = np.clip(1.5 * grain_m / np.maximum(footprint_m, 1e-6), 0, 1).astype(np.float32)
+        fade = np.clip(0.4 * grain_m / np.maximum(footprint_m, 1e-6), 0, 1).astype(np.float32)
         value += np.float32(strength) * fade * _sample(tile, u / grain_m, v / grain_m)
     if name in ("slabs", "bricks"):
         side = np.array([0.5, 0.5] if name == "slabs" else [0.21, 0.11])

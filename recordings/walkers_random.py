@@ -24,6 +24,7 @@ MEN_M, WOMEN_M, WITHIN_SEX_M, LOCAL_MEAN_STD_M = 1.74, 1.62, 0.066, 0.03
 CHILD_M = (1.05, 1.45)
 CHILDREN, RUNNERS, STOPPERS, CURVED, IN_GROUPS = 0.08, 0.05, 0.15, 0.35, 0.3
 APART_M = 0.55  # of people's axes, unless they walk together
+TRIES = 60  # at a path for one person, before the camera is drawn again
 SEEN_FRAMES = 12  # for which a person must be wholly in the picture
 
 
@@ -133,30 +134,30 @@ def _random_people(
     """Return who walks here; a bench for who sits is added to the things."""
     people: list[Person] = []
     local_m = random.normal(0, LOCAL_MEAN_STD_M)
-    sitters = int(random.uniform() < 0.4)
-    for _ in range(60 * settings.people):
-        if len(people) >= settings.people:
-            break
-        first = _random_person(random, settings, view, main_rad, local_m, sits=sitters > 0)
-        if first is None or not _free(first, people, things):
-            continue
-        if not _wholly_seen(view, first.walk, first.build.height_m):
-            continue
-        if first.walk.sits.any():
+    sits = random.uniform() < 0.4
+    while len(people) < settings.people:
+        # Who walks here must not depend on who fits into the picture: the body first, then a path.
+        build, colours = _random_build(random, local_m), _random_colours(random)
+        sits = sits and not build.runs
+        for _ in range(TRIES):
+            first = _random_person(random, settings, view, main_rad, build, colours, sits=sits)
+            if first is None or not _free(first, people, things):
+                continue
+            if _wholly_seen(view, first.walk, build.height_m):
+                break
+        else:
+            return []
+        if sits:
             seat = _seat(first)
             if any(seat.near(p.ground_m).any() for p in people):
                 continue
             things.append(seat)
-            sitters = 0
-            people.append(first)
-            continue
         people.append(first)
-        while random.uniform() < IN_GROUPS and len(people) < settings.people:
-            beside = _beside(random, first, view, local_m, len(people))
-            if not _free(beside, [p for p in people if p is not first], things):
-                break
-            people.append(beside)
-            break
+        if not sits and random.uniform() < IN_GROUPS and len(people) < settings.people:
+            beside = _beside(random, first, local_m)
+            if _free(beside, [p for p in people if p is not first], things):
+                people.append(beside)
+        sits = False
     return people
 
 
@@ -165,14 +166,14 @@ def _random_person(
     settings: Settings,
     view: View,
     main_rad: float,
-    local_m: float,
+    build: Build,
+    colours: dict[str, tuple[int, int, int]],
     *,
     sits: bool,
 ) -> Person | None:
     place = _seen_ground(random, view)
     if place is None:
         return None
-    build = _random_build(random, local_m)
     heading = main_rad + random.normal(0, 0.12) + random.choice([0, np.pi])
     if random.uniform() < 0.4:
         heading = random.uniform(0, 2 * np.pi)
@@ -188,7 +189,7 @@ def _random_person(
     )
     seated = np.zeros_like(times_s)
     passes_s = random.uniform(-1, settings.duration_s + 1)
-    if sits and not build.runs:
+    if sits:
         # sits on a bench of its own, and gets up and goes
         rises_s = random.uniform(0.4, 0.9) * settings.duration_s
         seated = 1 - _smooth((times_s - rises_s) / 1.5)
@@ -204,12 +205,10 @@ def _random_person(
     along_m -= np.interp(passes_s, times_s, along_m)
     if not 0 <= passes_s <= settings.duration_s:  # passes just before or after the recording
         along_m -= cruise * (passes_s - np.clip(passes_s, 0, times_s[-1]))
-    return Person("", build, Walk(path, along_m, speed, seated), cruise, _random_colours(random))
+    return Person("", build, Walk(path, along_m, speed, seated), cruise, colours)
 
 
-def _beside(
-    random: np.random.Generator, first: Person, view: View, local_m: float, number: int
-) -> Person:
+def _beside(random: np.random.Generator, first: Person, local_m: float) -> Person:
     """Return who walks with somebody: the same way at the same speed, with another stride."""
     build = replace(_random_build(random, local_m), runs=first.build.runs)
     side = random.choice([-1, 1]) * random.uniform(0.6, 0.85)
