@@ -1,4 +1,4 @@
-"""How long the accuracy views take over ten million estimates with truth."""
+"""How long the accuracy views and the report take over ten million estimates with truth."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import duckdb
 
+from dashboards.report import write_report
 from pipeline.console import out, print_rows
 from pipeline.store.database import Store
 
@@ -73,7 +74,7 @@ FROM base, (SELECT unnest({list(METHODS)}) AS method);
 
 
 def main() -> None:
-    """Fill a database, and time each view."""
+    """Fill a database, and time each view and the report."""
     with tempfile.TemporaryDirectory(prefix="stadimeter-bench-") as folder:
         path = Path(folder) / "big.duckdb"
         Store.open(path).__exit__(None, None, None)
@@ -87,6 +88,10 @@ def main() -> None:
                 found = store.query(f"FROM {view}")
                 seconds = time.perf_counter() - start
                 rows.append([view, f"{found.num_rows:,}", f"{seconds:.2f}"])
+        start = time.perf_counter()
+        write_report(path, Path(folder) / "report.html")
+        page_mb = (Path(folder) / "report.html").stat().st_size / 1e6
+        rows.append(["the report", f"{page_mb:.1f} MB", f"{time.perf_counter() - start:.2f}"])
         count = RECORDINGS * PER_RECORDING * len(METHODS)
         out.print(f"{count:,} estimates, database {size_mb:,.0f} MB")
         print_rows("Queries", ("view", "rows", "seconds"), rows)

@@ -11,16 +11,17 @@ not the detector.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.calibrate.walkers import POPULATION_MEAN_STD_M, calibrate_from_walkers
-from pipeline.config import ADULT
+from pipeline.config import ADULT, Config
 from pipeline.console import out, print_rows
 from pipeline.errors import CalibrationUndetermined
-from pipeline.estimate import ground
+from pipeline.estimate import fused, ground, size
 from pipeline.estimate.columns import Measured
+from pipeline.estimate.gait import EXCURSION_M, GAIT_DROP_M, GAIT_DROP_STD_M
 from pipeline.estimate.geometry import Geometry
 from pipeline.estimate.tracks import track_heights
 from pipeline.optics.ground_plane import (
@@ -36,7 +37,6 @@ WIDTH_PX, HEIGHT_PX = 1280, 720
 PIXEL_PITCH_UM = 3.0
 BOX_NOISE_PX = 1.0
 NOISE_CORRELATION = 0.8  # of neighbouring frames, a tenth of a second apart
-GAIT_M = 0.02  # of the head, either side of a mean that is as far below standing height
 STEP_HZ = 1.9
 
 
@@ -47,7 +47,7 @@ class Scene:
     measured: Measured
     plane: GroundPlane
     true_depth_m: FloatArray  # (n,)
-    true_height_m: FloatArray  # (tracks,), walking: the mean over a step
+    true_height_m: FloatArray  # (tracks,), standing
 
 
 def scene(random: np.random.Generator, people: int = 20, *, bad_share: float = 0.1) -> Scene:
@@ -66,7 +66,8 @@ def scene(random: np.random.Generator, people: int = 20, *, bad_share: float = 0
         boxes, depths, ids, times, heights = [], [], [], [], []
         for _ in range(30 * people):
             tall_m = random.normal(local_mean_m, ADULT.std_m)
-            walk = _walk(random, plane, intrinsics, tall_m)
+            walking_m = tall_m - max(random.normal(GAIT_DROP_M, GAIT_DROP_STD_M), 0.0)
+            walk = _walk(random, plane, intrinsics, walking_m)
             if walk is None:
                 continue
             box, depth = walk
@@ -123,7 +124,7 @@ def _walk(
     time_s = np.arange(-half, half + 1) * FRAME_NS / 1e9
     x_m = passed[0] + np.cos(heading) * speed_m_s * time_s
     y_m = passed[1] + np.sin(heading) * speed_m_s * time_s
-    bob_m = GAIT_M * np.cos(2 * np.pi * STEP_HZ * time_s + random.uniform(0, 6))
+    bob_m = EXCURSION_M / 2 * np.cos(2 * np.pi * STEP_HZ * time_s + random.uniform(0, 6))
     pose = (plane.camera_height_m, plane.tilt_rad, plane.roll_rad)
     foot, head = project_person(x_m, y_m, tall_m + bob_m, *pose)
     foot_px, head_px = foot * focal + centre, head * focal + centre
@@ -156,7 +157,7 @@ def _walk(
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What came out of one camera: relative errors, and errors in stated standard deviations."""
+    """What came out of one camera by one method: errors, relative and in standard deviations."""
 
     depth_relative: float
     height_mae_m: float
@@ -165,13 +166,16 @@ class Score:
     pose_z: FloatArray  # camera height, tilt, roll
 
 
-def score(simulated: Scene, plane: GroundPlane) -> Score:
+def score(simulated: Scene, plane: GroundPlane, method: Method = Method.FUSED) -> Score:
     """Return how good the estimates with this pose are."""
-    from dataclasses import replace
-
     measured = replace(simulated.measured, ground_plane=plane)
-    found = ground.estimate(Geometry(measured))
-    table = track_heights(measured, found, Method.GROUND, [ADULT])
+    geometry = Geometry(measured)
+    by_ground = ground.estimate(geometry)
+    members = {Method.GROUND: by_ground, Method.SIZE: size.estimate(geometry, Config())}
+    found = fused.estimate(geometry, members)
+    if method is Method.GROUND:
+        by_ground.speed_m_s, found = found.speed_m_s, by_ground
+    table = track_heights(measured, found, method, [ADULT])
     track, plausible = table["track_id"].to_numpy(), table["height_plausible"].to_pylist()
     one = np.array([p is not False for p in plausible])
     height_error = table["height_m"].to_numpy() - simulated.true_height_m[track]
@@ -198,27 +202,33 @@ def main() -> None:
     parser.add_argument("--people", type=int, default=20)
     arguments, _ = parser.parse_known_args()
     random = np.random.default_rng(4)
-    found: list[Score] = []
-    known: list[Score] = []
+    methods = (Method.GROUND, Method.FUSED)
+    found: dict[Method, list[Score]] = {m: [] for m in methods}
+    known: dict[Method, list[Score]] = {m: [] for m in methods}
     refused = 0
     for _ in range(arguments.cameras):
         simulated = scene(random, arguments.people)
-        known.append(score(simulated, simulated.plane))
+        for method in methods:
+            known[method].append(score(simulated, simulated.plane, method))
         try:
             plane, _ = calibrate_from_walkers(simulated.measured, ADULT)
         except CalibrationUndetermined:
             refused += 1
             continue
-        found.append(score(simulated, plane))
+        for method in methods:
+            found[method].append(score(simulated, plane, method))
     out.print(
         f"{arguments.cameras} cameras, {arguments.people} people each, one in ten boxes bad: "
-        f"{len(found)} poses found, {refused} refused"
+        f"{len(found[Method.FUSED])} poses found, {refused} refused"
     )
     rows = []
-    for label, scores in (("pose known", known), ("pose from walkers", found)):
+    parts = [("pose known", m, known[m]) for m in methods]
+    parts += [("pose from walkers", m, found[m]) for m in methods]
+    for label, method, scores in parts:
         rows.append(
             [
                 label,
+                method,
                 f"{100 * np.median([s.depth_relative for s in scores]):.2f}",
                 f"{100 * np.quantile([s.depth_relative for s in scores], 0.9):.2f}",
                 f"{100 * np.median([s.height_mae_m for s in scores]):.2f}",
@@ -228,14 +238,15 @@ def main() -> None:
         )
     header = (
         "",
+        "method",
         "median depth error %",
         "of the worst tenth %",
         "height MAE cm",
         "depth in 95 % interval, %",
         "height in 95 % interval, %",
     )
-    print_rows("Ground method", header, rows)
-    z = np.array([s.pose_z for s in found])
+    print_rows("Errors", header, rows)
+    z = np.array([s.pose_z for s in found[Method.FUSED]])
     names = ("camera height", "tilt", "roll")
     shares = [[n, f"{100 * _inside(z[:, i]):.1f}"] for i, n in enumerate(names)]
     print_rows("Pose inside its 95 % interval", ("", "% of cameras"), shares)

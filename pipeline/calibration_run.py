@@ -14,9 +14,9 @@ from pipeline import __version__
 from pipeline.calibrate.camera_file import write_camera_file
 from pipeline.calibrate.from_truth import calibrate_from_truth
 from pipeline.calibrate.truth_table import truth_table
-from pipeline.calibrate.walkers import calibrate_from_walkers
+from pipeline.calibrate.walkers import NOTHING_KNOWN, Known, calibrate_from_walkers
 from pipeline.config import CameraConfig, Config
-from pipeline.errors import CalibrationUndetermined, StoreError, Where
+from pipeline.errors import CalibrationUndetermined, StoreError, UsageError, Where
 from pipeline.estimate.combine import calibrations_table, measured_by_camera
 from pipeline.records import Calibration, Dimension, GroundPlane, Method
 from pipeline.run import describe, library_versions
@@ -76,7 +76,7 @@ def calibrate_stored_truth(
 
 
 def calibrate_stored_walkers(
-    database: Path, camera_file: Path, config: Config
+    database: Path, camera_file: Path, config: Config, known: Known = NOTHING_KNOWN
 ) -> list[tuple[str, GroundPlane | CalibrationUndetermined]]:
     """Find the pose of every camera from who walked before it, all its recordings taken together.
 
@@ -84,16 +84,22 @@ def calibrate_stored_walkers(
 
     Raises:
         StoreError: the database does not exist.
+        UsageError: something is known, but there are several recordings or cameras, so that the number
+            of a track or a pixel says nothing; or it makes no sense.
     """
     prior = next(p for p in config.size_prior if p.dimension is Dimension.HEIGHT)
     results: list[tuple[str, GroundPlane | CalibrationUndetermined]] = []
     cameras: list[CameraConfig] = []
     with _writable(database) as store:
-        for recording_id in _recording_ids(store):
+        ids = _recording_ids(store)
+        _check_single(known, len(ids))
+        for recording_id in ids:
             observations, frames, rows, _ = _tables(store, recording_id)
-            for measured in measured_by_camera(observations, frames, rows, {}):
+            of_cameras = list(measured_by_camera(observations, frames, rows, {}))
+            _check_single(known, len(of_cameras))
+            for measured in of_cameras:
                 try:
-                    plane, _ = calibrate_from_walkers(measured, prior)
+                    plane, _ = calibrate_from_walkers(measured, prior, known)
                 except CalibrationUndetermined as error:
                     results.append((measured.camera, error))
                 else:
@@ -105,6 +111,14 @@ def calibrate_stored_walkers(
     if cameras:
         write_camera_file(camera_file, replace(config, camera=tuple(cameras)))
     return results
+
+
+def _check_single(known: Known, count: int) -> None:
+    if known and count > 1:
+        raise UsageError(
+            "a known height or distance belongs to one camera of one recording",
+            remedy="Run that recording alone into a database of its own",
+        )
 
 
 def _combined(planes: list[GroundPlane]) -> GroundPlane:

@@ -12,9 +12,13 @@ import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline import __version__
 from pipeline.errors import StadimeterError, UsageError
+
+if TYPE_CHECKING:
+    from pipeline.calibrate.walkers import Known
 
 DONE, FAILED, USAGE, DAMAGED = 0, 1, 2, 3
 DEFAULT_DB = Path("stadimeter.duckdb")
@@ -59,6 +63,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_calibrate(commands)
     _add_estimate(commands)
     _add_query(commands)
+    _add_report(commands)
     _add_demo(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -230,6 +235,20 @@ def _add_calibrate(commands: Commands[argparse.ArgumentParser]) -> None:
         metavar="OBJECT_ID",
         help="leave out an object whose truth or box is known to be wrong",
     )
+    parser.add_argument(
+        "--known-height",
+        action="append",
+        default=[],
+        metavar="TRACK=M",
+        help="with --walkers: how tall a track's person is, with shoes; overrides the population",
+    )
+    parser.add_argument(
+        "--known-distance",
+        action="append",
+        default=[],
+        metavar="X,Y,X,Y=M",
+        help="with --walkers: how far apart two points on the ground are, given in pixels",
+    )
     parser.set_defaults(function=_calibrate)
 
 
@@ -247,6 +266,9 @@ def _calibrate(arguments: argparse.Namespace) -> int:
 
     if arguments.folds < 2:
         raise UsageError("--folds must be at least 2")
+    known = _known(arguments)
+    if known and not arguments.walkers:
+        raise UsageError("--known-height and --known-distance belong to --walkers")
     config = load_config(arguments.camera)
     if arguments.recordings:
         with progress_lines() as report:
@@ -254,7 +276,7 @@ def _calibrate(arguments: argparse.Namespace) -> int:
         for outcome in result.failed:
             raise outcome.error or StadimeterError(f"{outcome.path} could not be read")
     if arguments.walkers:
-        poses = calibrate_stored_walkers(arguments.db, arguments.output, config)
+        poses = calibrate_stored_walkers(arguments.db, arguments.output, config, known)
         found = print_poses(poses)
     else:
         options = TruthOptions(
@@ -269,6 +291,32 @@ def _calibrate(arguments: argparse.Namespace) -> int:
     if found:
         out.print(f"camera file  {safe(arguments.output)}", soft_wrap=True)
     return DONE if found else FAILED
+
+
+def _known(arguments: argparse.Namespace) -> Known:
+    import numpy as np
+
+    from pipeline.calibrate.walkers import Known, KnownDistance, KnownHeight
+
+    heights, distances = [], []
+    for text in arguments.known_height:
+        try:
+            track, _, height = text.partition("=")
+            heights.append(KnownHeight(int(track), float(height)))
+        except ValueError as error:
+            raise UsageError(
+                f"--known-height {text!r} is no TRACK=METRES, such as 12=1.80"
+            ) from error
+    for text in arguments.known_distance:
+        try:
+            points, _, distance = text.partition("=")
+            pixels = np.array([float(v) for v in points.split(",")]).reshape(2, 2)
+            distances.append(KnownDistance(pixels, float(distance)))
+        except ValueError as error:
+            raise UsageError(
+                f"--known-distance {text!r} is no X,Y,X,Y=METRES, such as 310,420,505,433=4.2"
+            ) from error
+    return Known(tuple(heights), tuple(distances))
 
 
 def _add_estimate(commands: Commands[argparse.ArgumentParser]) -> None:
@@ -321,6 +369,26 @@ def _query(arguments: argparse.Namespace) -> int:
         out.print(f"{safe(arguments.parquet)}: {table.num_rows:,} rows")
     else:
         print_table(table)
+    return DONE
+
+
+def _add_report(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "report", help="write accuracy, heights and diagnostics as one HTML file"
+    )
+    _add_db(parser)
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("report.html"), metavar="HTML", help="to write"
+    )
+    parser.set_defaults(function=_report)
+
+
+def _report(arguments: argparse.Namespace) -> int:
+    from dashboards.report import write_report
+    from pipeline.console import out, safe
+
+    write_report(arguments.db, arguments.output)
+    out.print(f"report    {safe(arguments.output)}", soft_wrap=True)
     return DONE
 
 

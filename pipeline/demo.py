@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.config import load_config
 from pipeline.console import out, print_rows, progress_lines, safe
-from pipeline.errors import UsageError, Where
+from pipeline.errors import MissingLibrary, UsageError, Where
 from pipeline.run import Outcome, run
 from pipeline.store.database import Store
 from pipeline.summary import print_run, print_tracks
@@ -47,8 +47,20 @@ def demo(
                 _print_pose(store, recording_id)
                 print_tracks(store, recording_id, f"{outcome.path.name}: who walked where")
     print_run(result, database)
+    _write_report(database, folder / "report.html")
     out.print(f"next      stadimeter query --db {safe(database)} --view accuracy.by_aperture")
     return result.stored, result.failed, result.damaged
+
+
+def _write_report(database: Path, target: Path) -> None:
+    from dashboards.report import write_report
+
+    try:
+        write_report(database, target)
+    except MissingLibrary as error:  # the rest of the demo needs no extra
+        out.print(safe(error), style="yellow", soft_wrap=True)
+    else:
+        out.print(f"report    {safe(target)}", soft_wrap=True)
 
 
 def _print_pose(store: Store, recording_id: str) -> None:

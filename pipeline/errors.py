@@ -92,3 +92,7 @@ class StoreError(StadimeterError):
 
 class UndecodableImage(StadimeterError):
     """The bytes of a picture cannot be decoded, or claim more pixels than are allowed."""
+
+
+class MissingLibrary(StadimeterError):
+    """A library of an extra is not installed."""

@@ -49,9 +49,9 @@ def test_queries_in_every_form(workplace: Path) -> None:
     rows = [
         json.loads(line) for line in stadimeter(*view, "--json", cwd=workplace).stdout.splitlines()
     ]
-    assert {row["method"] for row in rows} == {"ground", "size"}
+    assert {row["method"] for row in rows} == {"fused", "ground", "size"}
     assert stadimeter(*view, "--parquet", "out.parquet", cwd=workplace).returncode == 0
-    assert pq.read_table(workplace / "out.parquet").num_rows == 2
+    assert pq.read_table(workplace / "out.parquet").num_rows == 3
 
 
 def test_the_catalogue_says_what_each_view_answers(workplace: Path) -> None:
@@ -124,7 +124,7 @@ def test_estimating_again_needs_no_pictures(workplace: Path) -> None:
 
 def test_help_and_version() -> None:
     assert stadimeter("--version", cwd=ROOT).stdout.startswith("stadimeter ")
-    for command in ("run", "inspect", "import", "estimate", "query", "demo"):
+    for command in ("run", "inspect", "import", "estimate", "query", "report", "demo"):
         assert stadimeter(command, "--help", cwd=ROOT).returncode == 0
 
 
@@ -142,7 +142,7 @@ def test_the_demo_tells_the_whole_story(tmp_path: Path) -> None:
     ):
         assert words in done.stdout
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert {"stadimeter.duckdb", "staff.rrd", "street.rrd"} <= names
+    assert {"stadimeter.duckdb", "staff.rrd", "street.rrd", "report.html"} <= names
 
 
 def test_calibrating_from_truth_and_using_what_was_found(tmp_path: Path) -> None:

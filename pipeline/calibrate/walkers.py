@@ -6,7 +6,9 @@ nonlinear least squares over the rows of the heads, given the feet:
 
     y_h = (Z y_f - H cos t) / (Z - H sin t),   Z = h_c / (y_f cos t + sin t)
 
-with the pose (h_c, t, roll) and one height H a person as unknowns.
+with the pose (h_c, t, roll), one height H a person, and the ratio of the mean of the people here to the
+population's as unknowns. Where somebody's height is known, or how far apart two points on the ground
+are, that fixes the scale instead of the population.
 """
 
 from __future__ import annotations
@@ -19,10 +21,11 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import lil_matrix
 
 from pipeline.config import SizePrior
-from pipeline.errors import CalibrationUndetermined
+from pipeline.errors import CalibrationUndetermined, UsageError
 from pipeline.estimate.columns import Measured
+from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M
 from pipeline.estimate.geometry import camera_of
-from pipeline.optics.ground_plane import foot_depth_m, height_m, remove_roll
+from pipeline.optics.ground_plane import foot_depth_m, ground_position_m, height_m, remove_roll
 from pipeline.records import FloatArray, GroundPlane
 
 # Two people give a line of sight each for tilt and height; below four, one who stoops decides.
@@ -39,6 +42,9 @@ GAIT_STD = 0.02  # of the stature
 # The mean of the people who happen to walk here differs from the population's, beyond chance: by
 # country, age, shoes.
 POPULATION_MEAN_STD_M = 0.03
+# Where something here is known in metres it decides; the population still keeps a fit from running off.
+FREE_MEAN_STD = 0.3  # relative
+MIN_VARIANCE_RATIO = 0.5  # see _covariance
 # The result must be this well determined to be of use.
 MAX_HEIGHT_ERROR = 0.15  # standard error of the camera's height, relative
 MAX_TILT_ERROR_RAD = np.deg2rad(3.0)
@@ -47,9 +53,41 @@ MAX_TILT_ERROR_RAD = np.deg2rad(3.0)
 MAX_DEVIATION = 2.6
 MAX_REJECTIONS = 4
 TILTS_RAD = np.deg2rad([2.0, 8.0, 15.0, 25.0, 35.0, 50.0])
-ROLL_STD_RAD = np.deg2rad(
-    5.0
-)  # cameras are put up upright; nothing else holds roll in a narrow view
+# Cameras are put up upright; nothing else holds roll in a narrow view.
+ROLL_STD_RAD = np.deg2rad(5.0)
+
+
+@dataclass(frozen=True, slots=True)
+class KnownHeight:
+    """The height of one person when standing, with shoes."""
+
+    track_id: int
+    height_m: float
+    std_m: float = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class KnownDistance:
+    """How far apart two points on the ground are, each given by its pixel."""
+
+    points_px: FloatArray  # (2, 2)
+    distance_m: float
+    std_m: float = 0.0  # of the survey
+    std_px: float = 1.0  # of the points, as somebody marks them
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known of a scene in metres; each overrides the stature of the population."""
+
+    heights: tuple[KnownHeight, ...] = ()
+    distances: tuple[KnownDistance, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.heights or self.distances)
+
+
+NOTHING_KNOWN = Known()
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,24 +112,73 @@ class _Sample:
     sigma: FloatArray  # (n,) of the head's row, normalised
     track: npt.NDArray[np.intp]  # (n,)
     weight: FloatArray  # (n,) the share of an independent observation that a row is
+    track_id: npt.NDArray[np.int64]  # (p,) by the recording's count
 
     @property
     def people(self) -> int:
-        return int(self.track.max()) + 1 if len(self.track) else 0
+        return len(self.track_id)
+
+
+@dataclass(frozen=True, slots=True)
+class _Scale:
+    """What fixes the scale: the stature of each person as it is expected, and distances."""
+
+    mean_m: FloatArray  # (p,)
+    std_m: FloatArray  # (p,)
+    of_population: npt.NDArray[np.bool_]  # (p,) whether the mean is the population's
+    mean_std: float  # relative, of the mean of the people here about the population's
+    points: FloatArray  # (d, 2, 2) normalised
+    distance_m: FloatArray  # (d,)
+    distance_std: FloatArray  # (d,) relative
+
+    @classmethod
+    def of(cls, sample: _Sample, prior: SizePrior, known: Known, measured: Measured) -> _Scale:
+        walking_m = prior.mean_m - GAIT_DROP_M
+        mean_m, std_m = np.full((2, sample.people), [[walking_m], [prior.std_m]])
+        of_population = np.ones(sample.people, dtype=np.bool_)
+        for person in known.heights:
+            mine = sample.track_id == person.track_id
+            mean_m[mine], of_population[mine] = person.height_m - GAIT_DROP_M, False
+            std_m[mine] = np.hypot(person.std_m, GAIT_DROP_STD_M)
+        mean_std = FREE_MEAN_STD if known else POPULATION_MEAN_STD_M / prior.mean_m
+        camera = camera_of(measured.intrinsics) if measured.intrinsics else None
+        points = [
+            camera.normalize(np.asarray(d.points_px, dtype=np.float64))
+            for d in known.distances
+            if camera is not None
+        ]
+        return cls(
+            mean_m,
+            std_m,
+            of_population,
+            mean_std,
+            np.array(points).reshape(-1, 2, 2),
+            np.array([d.distance_m for d in known.distances]),
+            np.array([_relative_std(d) for d in known.distances]),
+        )
+
+
+def _relative_std(known: KnownDistance) -> float:
+    """Return the relative standard deviation of a distance: survey, and marks of two points."""
+    apart_px = float(np.linalg.norm(np.diff(known.points_px, axis=0)))
+    return float(np.hypot(known.std_m / known.distance_m, np.sqrt(2) * known.std_px / apart_px))
 
 
 def calibrate_from_walkers(
-    measured: Measured, prior: SizePrior
+    measured: Measured, prior: SizePrior, known: Known = NOTHING_KNOWN
 ) -> tuple[GroundPlane, WalkersReport]:
     """Return the pose of the camera with its covariance, and how well it is determined.
 
     Args:
         measured: the observations of one camera; its intrinsics must be known.
         prior: stature of the population, mean and spread.
+        known: what is known of this scene in metres.
 
     Raises:
         CalibrationUndetermined: too few people, or their tracks do not fix the pose.
+        UsageError: what is known is of somebody who is not there, or makes no sense.
     """
+    _check(known, measured)
     sample = _sample(measured, prior)
     if sample.people < MIN_PEOPLE:
         raise CalibrationUndetermined(
@@ -99,14 +186,17 @@ def calibrate_from_walkers(
             f"{MIN_PEOPLE} are needed",
             remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
         )
-    best = _best_fit(sample, prior)
+    scale = _Scale.of(sample, prior, known, measured)
+    best = _best_fit(sample, scale)
     for _ in range(MAX_REJECTIONS):
-        alike = _alike(sample, best, prior)
+        # Somebody whose height is known may be as tall as they like.
+        alike = _alike(sample, best, prior) | ~scale.of_population
         if alike.all() or alike.sum() < MIN_PEOPLE:
             break
         sample = _only(sample, alike)
-        best = _best_fit(sample, prior)
-    covariance = _covariance(best, sample, prior)
+        scale = _Scale.of(sample, prior, known, measured)
+        best = _best_fit(sample, scale)
+    covariance = _covariance(best, sample)
     std = np.sqrt(np.diag(covariance))
     above_m, tilt, roll = float(np.exp(best.x[0])), float(best.x[1]), float(best.x[2])
     if std[0] > MAX_HEIGHT_ERROR * above_m or std[1] > MAX_TILT_ERROR_RAD or tilt < 0:
@@ -119,6 +209,17 @@ def calibrate_from_walkers(
     return GroundPlane(above_m, tilt, roll, covariance, "walkers"), report
 
 
+def _check(known: Known, measured: Measured) -> None:
+    for person in known.heights:
+        if not (measured.track_id == person.track_id).any():
+            raise UsageError(f"there is no track {person.track_id} of camera {measured.camera!r}")
+        if not (0.2 < person.height_m < 3.0 and person.std_m > 0):
+            raise UsageError(f"nobody is {person.height_m} m tall")
+    for distance in known.distances:
+        if not (distance.distance_m > 0 and np.ptp(distance.points_px, axis=0).max() > 1):
+            raise UsageError("a known distance needs two points that are apart, and its length")
+
+
 def _sample(measured: Measured, prior: SizePrior) -> _Sample:
     """Choose whole, unhidden people, spread over each track."""
     usable = (
@@ -126,12 +227,15 @@ def _sample(measured: Measured, prior: SizePrior) -> _Sample:
         & ~measured.truncated.any(axis=1)
         & (measured.occlusion < 0.05)
     )
-    empty = _Sample(*(np.empty((0, 2)),) * 2, np.empty(0), np.empty(0, np.intp), np.empty(0))
+    empty = _Sample(
+        *(np.empty((0, 2)),) * 2, np.empty(0), np.empty(0, np.intp), np.empty(0), _NOBODY
+    )
     if measured.intrinsics is None or not usable.any():
         return empty
     rows: list[npt.NDArray[np.intp]] = []
     tracks: list[npt.NDArray[np.intp]] = []
     weights: list[FloatArray] = []
+    ids: list[int] = []
     for track_id in np.unique(measured.track_id[usable]):
         mine = np.flatnonzero(usable & (measured.track_id == track_id))
         if len(mine) < MIN_OBSERVATIONS:
@@ -142,6 +246,7 @@ def _sample(measured: Measured, prior: SizePrior) -> _Sample:
         rows.append(chosen)
         tracks.append(np.full(len(chosen), len(tracks), dtype=np.intp))
         weights.append(np.full(len(chosen), independent / len(chosen)))
+        ids.append(int(track_id))
     if not rows:
         return empty
     index = np.concatenate(rows)
@@ -153,12 +258,22 @@ def _sample(measured: Measured, prior: SizePrior) -> _Sample:
     std_px = np.hypot(measured.std_xyxy_px[index, 1], measured.std_xyxy_px[index, 3])
     tall = foot[:, 1] - head[:, 1]
     sigma = np.hypot(std_px / measured.intrinsics.fy_px, GAIT_STD * tall)
-    return _Sample(foot, head, sigma, np.concatenate(tracks), np.concatenate(weights))
+    return _Sample(
+        foot, head, sigma, np.concatenate(tracks), np.concatenate(weights), np.array(ids)
+    )
+
+
+_NOBODY = np.empty(0, dtype=np.int64)
+
+
+# The unknowns: log camera height, tilt, roll, log of the mean of the people here over the population's,
+# and the height of each.
+_POSE, _MEAN, _PEOPLE = slice(0, 3), 3, 4
 
 
 def _predict(x: FloatArray, sample: _Sample) -> FloatArray:
-    """Return the rows at which the heads should be, without roll; x is log h_c, tilt, roll, heights."""
-    camera_height_m, tilt, roll, heights_m = np.exp(x[0]), x[1], x[2], x[3:]
+    """Return the rows at which the heads should be, without roll."""
+    camera_height_m, tilt, roll, heights_m = np.exp(x[0]), x[1], x[2], x[_PEOPLE:]
     y_f = remove_roll(sample.foot, roll)[:, 1]
     z_m = foot_depth_m(camera_height_m, tilt, y_f)
     tall_m = heights_m[sample.track]
@@ -166,20 +281,35 @@ def _predict(x: FloatArray, sample: _Sample) -> FloatArray:
         return np.asarray((z_m * y_f - tall_m * np.cos(tilt)) / (z_m - tall_m * np.sin(tilt)))
 
 
-def _residuals(x: FloatArray, sample: _Sample, prior: SizePrior) -> FloatArray:
+def _residuals(x: FloatArray, sample: _Sample, scale: _Scale) -> FloatArray:
     y_h = remove_roll(sample.head, x[2])[:, 1]
     error = (y_h - _predict(x, sample)) / sample.sigma
     # Feet above the horizon have no place on the ground: far off, but finite, so that the fit can
     # find its way back.
     error = np.where(np.isfinite(error), error, 100.0) * np.sqrt(sample.weight)
-    people = (x[3:] - prior.mean_m) / prior.std_m
-    return np.concatenate([error, people, [x[2] / ROLL_STD_RAD]])
+    mean_m = scale.mean_m * np.where(scale.of_population, np.exp(x[_MEAN]), 1.0)
+    people = (x[_PEOPLE:] - mean_m) / scale.std_m
+    few = [x[2] / ROLL_STD_RAD, x[_MEAN] / scale.mean_std]
+    return np.concatenate([error, people, few, _distance_errors(x, scale)])
 
 
-def _best_fit(sample: _Sample, prior: SizePrior) -> OptimizeResult:
+def _distance_errors(x: FloatArray, scale: _Scale) -> FloatArray:
+    """Return how far known distances are off, in standard deviations, (d,)."""
+    if not len(scale.points):
+        return np.empty(0)
+    point = remove_roll(scale.points.reshape(-1, 2), x[2])
+    depth_m = foot_depth_m(np.exp(x[0]), x[1], point[:, 1])
+    place_m = np.stack(ground_position_m(depth_m, point[:, 0], point[:, 1], x[1]), axis=-1)
+    apart_m = np.linalg.norm(place_m[::2] - place_m[1::2], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.log(apart_m / scale.distance_m) / scale.distance_std
+    return np.where(np.isfinite(error), error, 100.0)
+
+
+def _best_fit(sample: _Sample, scale: _Scale) -> OptimizeResult:
     """Return the better of the fits from the two most promising tilts."""
-    starts = sorted(TILTS_RAD, key=lambda tilt: _start_cost(sample, prior, tilt))
-    fits = [_fit(sample, prior, tilt) for tilt in starts[:2]]
+    starts = sorted(TILTS_RAD, key=lambda tilt: _start_cost(sample, scale, tilt))
+    fits = [_fit(sample, scale, tilt) for tilt in starts[:2]]
     return min(fits, key=lambda fit: float(fit.cost))
 
 
@@ -209,34 +339,35 @@ def _only(sample: _Sample, kept: npt.NDArray[np.bool_]) -> _Sample:
         sample.sigma[rows],
         number[sample.track[rows]],
         sample.weight[rows],
+        sample.track_id[kept],
     )
 
 
-def _start(sample: _Sample, prior: SizePrior, tilt: float) -> FloatArray:
-    """Return unknowns to start from at a tilt: everybody has the mean stature."""
-    above_m = _height_for(sample, prior, tilt)
-    return np.concatenate([[np.log(above_m), tilt, 0.0], np.full(sample.people, prior.mean_m)])
+def _start(sample: _Sample, scale: _Scale, tilt: float) -> FloatArray:
+    """Return unknowns to start from at a tilt: everybody is as tall as is expected of them."""
+    above_m = _height_for(sample, scale, tilt)
+    return np.concatenate([[np.log(above_m), tilt, 0.0, 0.0], scale.mean_m])
 
 
-def _start_cost(sample: _Sample, prior: SizePrior, tilt: float) -> float:
+def _start_cost(sample: _Sample, scale: _Scale, tilt: float) -> float:
     """Return how badly a start fits, each residual counting no more than a bad one."""
-    residuals = _residuals(_start(sample, prior, tilt), sample, prior)
+    residuals = _residuals(_start(sample, scale, tilt), sample, scale)
     return float(np.minimum(np.abs(residuals), 5.0).sum())
 
 
-def _fit(sample: _Sample, prior: SizePrior, tilt: float) -> OptimizeResult:
-    people = sample.people
-    start = _start(sample, prior, tilt)
-    pattern = lil_matrix((len(sample.track) + people + 1, 3 + people), dtype=int)
-    pattern[:, :3] = 1
-    pattern[np.arange(len(sample.track)), 3 + sample.track] = 1
-    pattern[len(sample.track) + np.arange(people), 3 + np.arange(people)] = 1
-    low = [np.log(0.3), np.deg2rad(-10), -0.35, *(0.4 * prior.mean_m,) * people]
-    high = [np.log(200.0), np.deg2rad(89), 0.35, *(1.6 * prior.mean_m,) * people]
+def _fit(sample: _Sample, scale: _Scale, tilt: float) -> OptimizeResult:
+    people, rows = sample.people, len(sample.track)
+    start = _start(sample, scale, tilt)
+    pattern = lil_matrix((rows + people + 2 + len(scale.points), _PEOPLE + people), dtype=int)
+    pattern[:, :_PEOPLE] = 1
+    pattern[np.arange(rows), _PEOPLE + sample.track] = 1
+    pattern[rows + np.arange(people), _PEOPLE + np.arange(people)] = 1
+    low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, *(0.4 * scale.mean_m)]
+    high = [np.log(200.0), np.deg2rad(89), 0.35, 1.0, *(1.6 * scale.mean_m)]
     return least_squares(
         _residuals,
         start,
-        args=(sample, prior),
+        args=(sample, scale),
         loss="soft_l1",
         f_scale=1.5,
         jac_sparsity=pattern,
@@ -246,34 +377,30 @@ def _fit(sample: _Sample, prior: SizePrior, tilt: float) -> OptimizeResult:
     )
 
 
-def _height_for(sample: _Sample, prior: SizePrior, tilt: float) -> float:
-    """Return the camera height that gives people the mean stature at a tilt, in the median."""
+def _height_for(sample: _Sample, scale: _Scale, tilt: float) -> float:
+    """Return the camera height that gives people their expected stature at a tilt, in the median."""
     y_f, y_h = sample.foot[:, 1], sample.head[:, 1]
     unit_m = foot_depth_m(1.0, tilt, y_f) * (y_f - y_h) / (np.cos(tilt) - y_h * np.sin(tilt))
     typical = np.nanmedian(unit_m) if np.isfinite(unit_m).any() else np.nan
-    return float(np.clip(prior.mean_m / typical, 0.5, 100.0)) if typical > 0 else 5.0
+    return float(np.clip(np.median(scale.mean_m) / typical, 0.5, 100.0)) if typical > 0 else 5.0
 
 
-def _covariance(fit: OptimizeResult, sample: _Sample, prior: SizePrior) -> FloatArray:
+def _covariance(fit: OptimizeResult, sample: _Sample) -> FloatArray:
     """Return the covariance of (camera height, tilt, roll).
 
-    From the Jacobian at the solution, scaled by the residuals where they are larger than stated;
-    and the uncertainty of the population's mean, which scales the camera's height and nothing else.
+    From the Jacobian at the solution; the spread of the heads is taken from their residuals, while
+    that of statures and distances stays as it is known. Residuals do not show what a track's boxes
+    have in common, so they may not say less than half of the stated variance (with this bound the
+    intervals of `python -m bench.walkers` hold what they should).
     """
     jacobian = fit.jac.toarray() if hasattr(fit.jac, "toarray") else np.asarray(fit.jac)
-    information = jacobian.T @ jacobian
-    covariance = np.linalg.pinv(information, rcond=1e-12)[:3, :3]
     rows = len(sample.track)
-    residual = fit.fun[:rows]
-    freedom = max(sample.weight.sum() - 3 - sample.people, 1.0)
-    covariance = covariance * max(
-        float((np.minimum(np.abs(residual), 3) ** 2).sum() / freedom), 1.0
-    )
-    above_m = float(np.exp(fit.x[0]))
-    scale = np.diag([above_m, 1.0, 1.0])
-    covariance = scale @ covariance @ scale
-    covariance[0, 0] += (above_m * POPULATION_MEAN_STD_M / prior.mean_m) ** 2
-    return np.asarray(covariance)
+    freedom = max(sample.weight.sum() - _PEOPLE - sample.people, 1.0)
+    excess = float((np.minimum(np.abs(fit.fun[:rows]), 3) ** 2).sum() / freedom)
+    jacobian[:rows] /= np.sqrt(max(excess, MIN_VARIANCE_RATIO))
+    covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)[_POSE, _POSE]
+    to_metres = np.diag([float(np.exp(fit.x[0])), 1.0, 1.0])
+    return np.asarray(to_metres @ covariance @ to_metres)
 
 
 def _report(

@@ -1,6 +1,6 @@
 """People and things that move before a fixed camera: silhouettes against the learned background.
 
-    difference -> shadows out -> silhouettes -> fragments of one person joined -> tight ends
+    difference -> shadows out -> silhouettes -> fragments joined, groups split -> tight ends
 
 Lengths are shares of the picture or of the object, never pixels: a recording may have any size.
 """
@@ -15,17 +15,13 @@ import numpy.typing as npt
 
 from pipeline.config import DetectConfig
 from pipeline.detect.background import Background
+from pipeline.detect.people import PERSON_ASPECT, PersonScale, join_parts, split_groups
 from pipeline.picture import Image, Picture
 from pipeline.records import Boxes, FloatArray, Frame
 
 # The silhouettes are joined and labelled at no more than this height: enough for a person of a
 # twentieth of the picture, and labelling costs by the pixel.
 LABEL_HEIGHT_PX = 240
-# Head and legs of one person may be parted by a belt or a bag that looks like the background.
-GAP = 0.3  # of the joined height
-OVERLAP = 0.5  # of the narrower fragment's width
-# An upright person is 2 to 4.5 times as tall as wide; a stride, a bag or a bicycle makes it less.
-PERSON_ASPECT = (1.25, 6.0)
 # Columns of a silhouette lower than this share of its tallest are shadow or clutter at its side.
 SIDE_LOBE = 0.35
 # A silhouette's end is where this share of its typical width is reached: hair and shoes count, a
@@ -47,14 +43,19 @@ class MotionDetector:
         self._min_height = config.min_height
         self._background: Background | None = None
         self._shape: tuple[int, ...] = ()
+        self._scale = PersonScale()
 
     def learn(self, pictures: Sequence[Picture]) -> None:
-        """Learn the background from pictures spread over time, those of the commonest size."""
+        """Learn background and size of people from pictures spread over time, of the commonest size."""
         shapes = [p.bgr.shape for p in pictures]
         if not shapes:
             return
         self._shape = max(set(shapes), key=shapes.count)
-        self._background = Background([p.bgr for p in pictures if p.bgr.shape == self._shape])
+        alike = [p.bgr for p in pictures if p.bgr.shape == self._shape]
+        self._background = Background(alike)
+        for image in alike:
+            mask, _ = _foreground(self._background, image)
+            self._scale.learn(self._silhouettes(mask))
 
     def detect(self, frame: Frame, picture: Picture | None) -> Boxes:
         """Return what stands before the background."""
@@ -63,20 +64,30 @@ class MotionDetector:
         if self._background is None or picture.bgr.shape != self._shape:
             # A new picture size is a new view: begin again with what is there.
             self._shape = picture.bgr.shape
-            self._background = Background([picture.bgr])
+            self._background, self._scale = Background([picture.bgr]), PersonScale()
         background, image = self._background, picture.bgr
-        difference = background.difference(image)
-        mask = background.foreground(difference)
-        background.remove_shadow(image, mask)
-        found = _silhouettes(mask, self._min_height * mask.shape[0])
+        mask, difference = _foreground(background, image)
+        found = self._silhouettes(mask)
+        self._scale.learn(found)
         occupied = np.zeros_like(mask)
         for x0, y0, x1, y1 in found:
             occupied[y0:y1, x0:x1] = 255
         background.follow(image, occupied, frame.capture_time_ns / 1e9)
         return _tighten(found, mask, difference, picture, self._min_height)
 
+    def _silhouettes(self, mask: Image) -> npt.NDArray[np.intp]:
+        return _silhouettes(mask, self._min_height * mask.shape[0], self._scale)
 
-def _silhouettes(mask: Image, min_height_px: float) -> npt.NDArray[np.intp]:
+
+def _foreground(background: Background, image: Image) -> tuple[Image, Image]:
+    """Return where something stands before the background, and how it differs."""
+    difference = background.difference(image)
+    mask = background.foreground(difference)
+    background.remove_shadow(image, mask)
+    return mask, difference
+
+
+def _silhouettes(mask: Image, min_height_px: float, people: PersonScale) -> npt.NDArray[np.intp]:
     """Return boxes (n, 4) x0 y0 x1 y1, ends excluded, of what is connected or belongs together."""
     scale = max(1, round(mask.shape[0] / LABEL_HEIGHT_PX))
     small = cv2.resize(mask, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA)
@@ -93,47 +104,12 @@ def _silhouettes(mask: Image, min_height_px: float) -> npt.NDArray[np.intp]:
     big = (area >= 6) & (height >= 2)
     boxes = np.stack([x, y, x + width, y + height], axis=1)[big] * scale
     weight = area[big].astype(np.float64)
-    boxes, weight = _join(boxes, weight)
+    boxes, weight = join_parts(boxes, weight, people)
     size = boxes[:, 2:] - boxes[:, :2]
     tall = size[:, 1] >= min_height_px
     filled = weight * scale**2 / np.maximum(size.prod(axis=1), 1) > 0.2
-    return np.minimum(boxes[tall & filled], [mask.shape[1], mask.shape[0]] * 2)
-
-
-def _join(
-    boxes: npt.NDArray[np.intp], weight: FloatArray
-) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """Join fragments that lie above each other as the parts of one upright person do."""
-    while len(boxes) > 1:
-        x0, y0, x1, y1 = boxes.T.astype(np.float64)
-        shared = np.minimum(x1[:, None], x1) - np.maximum(x0[:, None], x0)
-        narrower = np.minimum((x1 - x0)[:, None], x1 - x0)
-        top, bottom = np.minimum(y0[:, None], y0), np.maximum(y1[:, None], y1)
-        left, right = np.minimum(x0[:, None], x0), np.maximum(x1[:, None], x1)
-        gap = np.maximum(y0[:, None], y0) - np.minimum(y1[:, None], y1)
-        height, width = bottom - top, right - left
-        upright = height / width
-        part = (
-            (shared >= OVERLAP * narrower)
-            & (gap <= GAP * height)
-            & (upright >= PERSON_ASPECT[0])
-            & (upright <= PERSON_ASPECT[1])
-            # two whole people one behind the other are not parts of one: parts are shorter
-            & (np.minimum((y1 - y0)[:, None], y1 - y0) < 0.7 * height)
-        )
-        inside = (shared >= 0.8 * narrower) & (gap <= 0)  # one within the other's outline
-        np.fill_diagonal(part, False)
-        np.fill_diagonal(inside, False)
-        cost = np.where(part | inside, np.maximum(gap, 0) / height, np.inf)
-        i, j = np.unravel_index(np.argmin(cost), cost.shape)
-        if not np.isfinite(cost[i, j]):
-            break
-        joined = np.array([left[i, j], top[i, j], right[i, j], bottom[i, j]]).astype(np.intp)
-        keep = np.ones(len(boxes), dtype=bool)
-        keep[[i, j]] = False
-        boxes = np.vstack([boxes[keep], joined])
-        weight = np.append(weight[keep], weight[i] + weight[j])
-    return boxes, weight
+    kept = np.minimum(boxes[tall & filled], [mask.shape[1], mask.shape[0]] * 2)
+    return split_groups(kept, mask, people)
 
 
 def _tighten(

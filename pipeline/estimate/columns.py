@@ -47,7 +47,8 @@ class Estimated:
     ground (right, ahead) where the pose is known, and across and along the axis where it is not.
     `depth_common_std_m` and `height_common_std_m` are the parts of `depth_std_m` and `height_std_m`
     that all frames of a track share (a calibration's error), so that they do not average out.
-    `height_assumed` is True where the height was put in rather than measured.
+    `height_assumed` is True where the height was put in rather than measured. `speed_m_s` is known
+    where positions were smoothed.
     `in_calibrated_range` is 1, 0, or NaN where the calibration states no range.
     """
 
@@ -62,6 +63,7 @@ class Estimated:
     range_m: FloatArray = field(init=False)
     x_m: FloatArray = field(init=False)
     y_m: FloatArray = field(init=False)
+    speed_m_s: FloatArray = field(init=False)
     in_calibrated_range: FloatArray = field(init=False)
     calibration_id: TextArray = field(init=False)
 
@@ -70,7 +72,7 @@ class Estimated:
             setattr(self, name, np.full(self.count, NAN))
         for name in ("depth_common_std_m", "height_common_std_m"):
             setattr(self, name, np.zeros(self.count))
-        for name in ("range_m", "x_m", "y_m", "in_calibrated_range"):
+        for name in ("range_m", "x_m", "y_m", "speed_m_s", "in_calibrated_range"):
             setattr(self, name, np.full(self.count, NAN))
         self.height_assumed = np.zeros(self.count, dtype=np.bool_)
         self.calibration_id = np.full(self.count, None, dtype=np.object_)

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute
 
 from pipeline.config import Config
-from pipeline.estimate import aperture, ground, inverse, size
+from pipeline.estimate import aperture, fused, ground, inverse, size
 from pipeline.estimate.columns import Estimated, Measured
 from pipeline.estimate.geometry import Geometry
 from pipeline.estimate.notes import not_applicable, outside_calibration
@@ -66,10 +66,13 @@ def estimate(
     used: dict[str, Calibration] = {}
     for measured in measured_by_camera(observations, frames, cameras, poses):
         geometry = Geometry(measured)
-        for method, run in METHODS.items():
-            estimated = run(geometry, config)
-            if not np.isfinite(estimated.depth_m).any():
-                continue
+        made = {method: run(geometry, config) for method, run in METHODS.items()}
+        made = {m: e for m, e in made.items() if np.isfinite(e.depth_m).any()}
+        if made:
+            made[Method.FUSED] = fused.estimate(geometry, made)
+            for estimated in made.values():
+                estimated.speed_m_s = made[Method.FUSED].speed_m_s
+        for method, estimated in made.items():
             rows.append(_long(measured, estimated, method))
             heights.append(track_heights(measured, estimated, method, config.size_prior))
             ids = set(estimated.calibration_id) - {None}

@@ -48,6 +48,7 @@ def estimate(geometry: Geometry) -> Estimated:
     footless = m.truncated[:, 3]
     estimated.depth_m = np.where(footless, np.nan, depth_m)
     estimated.depth_std_m = np.where(footless, np.nan, depth_std_m)
+    estimated.depth_common_std_m = np.where(footless, 0.0, np.sqrt(depth_common))
     no_height = geometry.height_cut
     estimated.height_m = np.where(no_height, np.nan, tall_m)
     estimated.height_std_m = np.where(no_height, np.nan, np.sqrt(tall_common + noise))

@@ -11,12 +11,14 @@ import pyarrow as pa
 
 from pipeline.config import SizePrior
 from pipeline.estimate.columns import Estimated, Measured
+from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M, WALKING_FROM_M_S
 from pipeline.records import TRACK_HEIGHTS, Dimension, FloatArray, Method
 
 # 1.4826 turns a median absolute deviation into a standard deviation (normal distribution).
 MAD_TO_STD = 1.4826
 # The median of normal errors has a variance pi / 2 times that of the mean.
 MEDIAN_EFFICIENCY = np.pi / 2
+WALKER = "person"
 # A height this many standard deviations from its class's mean is not that of one such object: of ten
 # thousand adults about five are so tall or so small.
 RULED_OUT = 3.5
@@ -34,6 +36,9 @@ def track_heights(
     with c the correlation of neighbouring frames (AR(1)). What all frames share, an error of the
     calibration or an assumed height, does not average out. A height that the prior of the object's
     class rules out is marked: the interval speaks of one object, and that is not one.
+
+    Of a walking person, as far as the speed is known, it is the height when standing: walkers are
+    lower (`pipeline.estimate.gait`).
     """
     frame = pd.DataFrame(
         {
@@ -43,6 +48,7 @@ def track_heights(
             "height_m": estimated.height_m,
             "common_m": estimated.height_common_std_m,
             "std_m": estimated.height_std_m,
+            "speed_m_s": estimated.speed_m_s,
             "assumed": estimated.height_assumed,
             "class_name": measured.class_name,
         }
@@ -50,6 +56,9 @@ def track_heights(
     frame = frame[np.isfinite(frame["depth_m"])].sort_values(["track_id", "time_ns"])
     if frame.empty:
         return TRACK_HEIGHTS.empty_table()
+    # A height that was put in counts only where a track has no other.
+    some = ~frame["assumed"].groupby(frame["track_id"]).transform("all")
+    frame["height_m"] = frame["height_m"].where(~(frame["assumed"] & some))
     tracks = frame.groupby("track_id", sort=True)
     frame["deviation_m"] = frame["height_m"] - tracks["height_m"].transform("median")
     tracks = frame.groupby("track_id", sort=True)
@@ -63,8 +72,13 @@ def track_heights(
     depth = tracks["depth_m"].agg(["min", "median", "max", "count"])
     height_m = tracks["height_m"].median().to_numpy()
     height_std_m = np.where(count > 0, np.hypot(noise_m, common_m), np.nan)
-    assumed = tracks["assumed"].any().to_numpy()
+    assumed = tracks["assumed"].all().to_numpy()
     names = tracks["class_name"].agg(lambda names: names.mode().iloc[0]).to_numpy()
+    walks = (
+        (tracks["speed_m_s"].median() > WALKING_FROM_M_S).to_numpy() & (names == WALKER) & ~assumed
+    )
+    height_m = height_m + np.where(walks, GAIT_DROP_M, 0.0)
+    height_std_m = np.where(walks, np.hypot(height_std_m, GAIT_DROP_STD_M), height_std_m)
     plausible = _plausible(height_m, height_std_m, names, priors)
     columns: dict[str, object] = {
         "camera": [measured.camera] * len(depth),

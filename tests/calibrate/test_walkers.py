@@ -8,10 +8,17 @@ import numpy as np
 import pytest
 
 from bench.walkers import scene, score
-from pipeline.calibrate.walkers import MIN_PEOPLE, calibrate_from_walkers
+from pipeline.calibrate.walkers import (
+    MIN_PEOPLE,
+    Known,
+    KnownDistance,
+    KnownHeight,
+    calibrate_from_walkers,
+)
 from pipeline.config import ADULT
-from pipeline.errors import CalibrationUndetermined
+from pipeline.errors import CalibrationUndetermined, UsageError
 from pipeline.estimate.columns import Measured
+from pipeline.optics.ground_plane import project_person
 
 
 def only(measured: Measured, rows: np.ndarray) -> Measured:
@@ -33,9 +40,10 @@ def test_depths_heights_and_intervals_over_many_cameras() -> None:
     assert len(scores) >= 27
     assert np.median([s.depth_relative for s in scores]) < 0.035
     assert np.median([s.height_mae_m for s in scores]) < 0.05
-    for part, low in (("depth_z", 0.9), ("height_z", 0.9), ("pose_z", 0.9)):
+    # A camera's errors go together: of 30 that hold in 95 %, three deviations lower is 83 %.
+    for part in ("depth_z", "height_z", "pose_z"):
         z = np.concatenate([getattr(s, part) for s in scores])
-        assert np.mean(np.abs(z[np.isfinite(z)]) < 1.96) > low
+        assert np.mean(np.abs(z[np.isfinite(z)]) < 1.96) > 0.83
 
 
 def test_groups_and_fragments_do_not_decide() -> None:
@@ -55,6 +63,56 @@ def test_a_population_of_another_stature_scales_the_scene() -> None:
     other, _ = calibrate_from_walkers(simulated.measured, taller)
     assert other.camera_height_m == pytest.approx(1.1 * usual.camera_height_m, rel=0.01)
     assert other.tilt_rad == pytest.approx(usual.tilt_rad, abs=0.003)
+
+
+def scaled_error(known: Known, seed: int = 11) -> tuple[float, float]:
+    """Return the error of the camera's height, and its standard error, both relative.
+
+    The population is believed to be a fifth shorter than it is.
+    """
+    simulated = scene(np.random.default_rng(seed), 15, bad_share=0.0)
+    wrong = replace(ADULT, mean_m=0.8 * ADULT.mean_m)
+    plane, _ = calibrate_from_walkers(simulated.measured, wrong, known)
+    error = plane.camera_height_m / simulated.plane.camera_height_m - 1
+    return abs(error), float(np.sqrt(plane.covariance[0, 0])) / plane.camera_height_m
+
+
+def test_a_known_height_overrides_the_population() -> None:
+    error, std = scaled_error(Known())
+    assert error > 0.1
+    simulated = scene(np.random.default_rng(11), 15, bad_share=0.0)
+    people = tuple(KnownHeight(i, float(simulated.true_height_m[i])) for i in (2, 7))
+    known, known_std = scaled_error(Known(heights=people))
+    assert known < 3 * known_std < 0.09
+    assert known_std < std
+
+
+def test_a_known_distance_overrides_the_population() -> None:
+    simulated = scene(np.random.default_rng(11), 15, bad_share=0.0)
+    truth, lens = simulated.plane, simulated.measured.intrinsics
+    assert lens is not None
+    ahead_m = float(np.median(simulated.true_depth_m))
+    points_m = np.array([[-1.0, ahead_m], [1.0, ahead_m]])
+    pose = (truth.camera_height_m, truth.tilt_rad, truth.roll_rad)
+    foot, _ = project_person(points_m[:, 0], points_m[:, 1], np.ones(2), *pose)
+    points_px = foot * lens.fx_px + [lens.cx_px, lens.cy_px]
+    distance = KnownDistance(points_px, 2.0, 0.01, std_px=0.2)
+    error, std = scaled_error(Known(distances=(distance,)))
+    assert error < 3 * std < 0.12
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        Known(heights=(KnownHeight(999, 1.8),)),
+        Known(heights=(KnownHeight(0, 18.0),)),
+        Known(distances=(KnownDistance(np.array([[10.0, 10.0], [90.0, 10.0]]), -1.0),)),
+        Known(distances=(KnownDistance(np.array([[10.0, 10.0], [10.0, 10.0]]), 1.0),)),
+    ],
+)
+def test_what_cannot_be_known_is_refused(known: Known) -> None:
+    with pytest.raises(UsageError):
+        calibrate_from_walkers(scene(np.random.default_rng(8), 8).measured, ADULT, known)
 
 
 def test_more_people_make_it_surer_down_to_what_the_population_leaves_open() -> None:

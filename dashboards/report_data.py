@@ -1,0 +1,241 @@
+"""What the report shows, asked of the database in SQL: small tables, however large the database is."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from dashboards.style import METHOD_ORDER
+from pipeline.store.database import Store
+
+Row = dict[str, Any]
+
+# More points than this make a chart slow to move about in, and show no more.
+POINTS_A_METHOD = 2_000
+POSITIONS_SHOWN = 4_000
+TRACKS_SHOWN = 60
+INSTANTS_SHOWN = 400  # steps of time in the chart of exposure, a camera
+WORST_SHOWN = 15
+DIAGNOSTICS_SHOWN = 200
+DIGITS = 5  # significant digits of the numbers behind a chart
+
+
+@dataclass(frozen=True, slots=True)
+class ReportData:
+    """Rows for each part of the report; empty where there is nothing to show."""
+
+    recordings: list[Row]
+    cameras: list[Row]
+    runs: list[Row]
+    calibrations: list[Row]
+    by_method: list[Row]
+    by_range: list[Row]
+    by_aperture: list[Row]
+    heights_by_method: list[Row]
+    coverage: list[Row]
+    matching: list[Row]
+    errors: list[Row]  # a sample
+    error_count: int
+    worst: list[Row]
+    comparison: list[Row]
+    track_heights: list[Row]
+    track_count: int
+    positions: list[Row]  # a sample
+    exposure: list[Row]
+    diagnostics: list[Row]
+    diagnostic_count: int
+
+
+def read_report_data(store: Store) -> ReportData:
+    """Ask everything that the report shows of a database that is open for reading."""
+    by_method = _rows(store, "FROM accuracy.by_method")
+    error_count = max((r["depth_count"] for r in by_method), default=0)
+    return ReportData(
+        recordings=_rows(store, "FROM recordings ORDER BY file_name, recording_id"),
+        cameras=_rows(store, _CAMERAS),
+        runs=_runs(store),
+        calibrations=_rows(store, _CALIBRATIONS),
+        by_method=by_method,
+        by_range=_rows(store, "FROM accuracy.by_range WHERE depth_count > 0"),
+        by_aperture=_rows(store, "FROM accuracy.by_aperture WHERE depth_count > 0"),
+        heights_by_method=_rows(store, "FROM accuracy.height_by_method"),
+        coverage=_rows(store, "FROM accuracy.coverage WHERE estimate_count > 0"),
+        matching=_rows(store, "FROM accuracy.matching WHERE truth_count > 0"),
+        errors=_rows(store, _ERRORS, [min(1.0, POINTS_A_METHOD / max(error_count, 1))]),
+        error_count=error_count,
+        worst=_rows(store, _WORST, [WORST_SHOWN]),
+        comparison=_rows(store, "FROM paper.comparison") if by_method else [],
+        track_heights=_rows(store, _TRACK_HEIGHTS, [TRACKS_SHOWN]),
+        track_count=_count(store, _TRACK_COUNT),
+        positions=_positions(store),
+        exposure=_rows(store, _EXPOSURE, [INSTANTS_SHOWN]),
+        diagnostics=_rows(store, _DIAGNOSTICS, [DIAGNOSTICS_SHOWN]),
+        diagnostic_count=_count(store, "SELECT count(*) AS n FROM diagnostics"),
+    )
+
+
+def _rows(store: Store, sql: str, parameters: list[object] | None = None) -> list[Row]:
+    found: list[Row] = store.query(sql, parameters or []).to_pylist()
+    return found
+
+
+def _count(store: Store, sql: str) -> int:
+    return int(_rows(store, sql)[0]["n"])
+
+
+def _runs(store: Store) -> list[Row]:
+    """Return the runs with their libraries and configuration as text to read."""
+    runs = _rows(store, "FROM runs WHERE run_id IN (FROM main.current_run SELECT run_id)")
+    for run in runs:
+        libraries = _parsed(run["libraries"])
+        run["libraries"] = ", ".join(f"{name} {version}" for name, version in libraries.items())
+        run["configuration"] = json.dumps(_parsed(run["configuration"]), indent=1)
+    return runs
+
+
+def _parsed(text: str | None) -> Mapping[str, Any]:
+    try:
+        found = json.loads(text or "{}")
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _positions(store: Store) -> list[Row]:
+    total = _count(store, f"SELECT count(*) AS n FROM ({_PLACED})")
+    share = min(1.0, POSITIONS_SHOWN / max(total, 1))
+    return _rows(store, _POSITIONS, [share])
+
+
+def rounded(rows: list[Row]) -> list[Row]:
+    """Return rows for a chart: numbers to a few digits, what is not finite as null."""
+    return [{name: _rounded(value) for name, value in row.items()} for row in rows]
+
+
+def _rounded(value: object) -> object:
+    if not isinstance(value, float):
+        return value
+    return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
+
+
+def _ranked(method: str) -> str:
+    order = ", ".join(f"'{name}'" for name in METHOD_ORDER)
+    return f"coalesce(list_position([{order}], {method}), 99)"
+
+
+# A part of the rows that is the same at every asking: those whose hash is below a share of all.
+_SAMPLED = "hash({key}) <= ? * 18446744073709551615::DOUBLE"
+
+_ERRORS = f"""
+SELECT
+    method, file_name, camera, frame_index, track_id, object_id, f_number,
+    strftime(make_timestamp_ns(capture_time_ns), '%Y-%m-%d %H:%M:%S.%g') AS captured_at,
+    (capture_time_ns - started_ns) / 1e9 AS time_s,
+    true_depth_m, depth_m, depth_error_m,
+    (depth_m + true_depth_m) / 2 AS mean_depth_m,
+    depth_m - 1.959964 * depth_std_m AS depth_low_m,
+    depth_m + 1.959964 * depth_std_m AS depth_high_m
+FROM accuracy.errors
+JOIN (
+    SELECT recording_id, min(capture_time_ns) AS started_ns FROM frames GROUP BY recording_id
+) USING (recording_id)
+WHERE depth_error_m IS NOT NULL
+    AND {_SAMPLED.format(key="recording_id || camera || observation_index")}
+ORDER BY method, recording_id, capture_time_ns, track_id
+"""
+
+_WORST = """
+SELECT * FROM accuracy.worst
+WHERE depth_error_m IS NOT NULL
+ORDER BY abs(depth_z) DESC NULLS LAST, abs(depth_relative_error) DESC
+LIMIT ?
+"""
+
+_CAMERAS = """
+SELECT r.file_name, c.* FROM cameras c JOIN recordings r USING (recording_id)
+ORDER BY file_name, camera
+"""
+
+_CALIBRATIONS = """
+SELECT DISTINCT * EXCLUDE (calibration_id, run_id) FROM calibrations
+WHERE calibration_id IN (FROM main.current_estimates SELECT DISTINCT calibration_id)
+ORDER BY ALL
+"""
+
+_TRACKS = f"""
+SELECT
+    r.file_name, h.camera, h.track_id, t.class_name, h.method, h.observation_count,
+    h.height_m, h.height_std_m, h.height_assumed, h.height_plausible,
+    h.depth_min_m, h.depth_max_m, truth.true_height_m, recording_id
+FROM track_heights h
+SEMI JOIN main.current_run USING (recording_id, run_id)
+JOIN recordings r USING (recording_id)
+JOIN tracks t USING (recording_id, camera, track_id)
+LEFT JOIN (
+    SELECT recording_id, camera, track_id, median(true_height_m) AS true_height_m
+    FROM matches GROUP BY ALL
+) truth USING (recording_id, camera, track_id)
+WHERE h.height_m IS NOT NULL
+QUALIFY row_number() OVER (
+    PARTITION BY recording_id, h.camera, h.track_id ORDER BY {_ranked("h.method")}
+) = 1
+"""
+
+_TRACK_HEIGHTS = f"""
+SELECT
+    *, height_m - 1.959964 * height_std_m AS height_low_m,
+    height_m + 1.959964 * height_std_m AS height_high_m
+FROM ({_TRACKS})
+QUALIFY row_number() OVER (
+    PARTITION BY recording_id, camera ORDER BY observation_count DESC, track_id
+) <= ?
+ORDER BY file_name, camera, track_id
+"""
+
+_TRACK_COUNT = f"SELECT count(*) AS n FROM ({_TRACKS})"
+
+_PLACED = """
+SELECT * FROM main.current_estimates
+WHERE x_m IS NOT NULL AND y_m IS NOT NULL AND (recording_id, camera) IN (
+    SELECT (recording_id, camera) FROM cameras WHERE camera_height_m IS NOT NULL
+)
+"""
+
+_POSITIONS = f"""
+SELECT
+    r.file_name, camera, track_id, frame_index, method, x_m, y_m, depth_m,
+    camera || ' #' || track_id AS track
+FROM ({_PLACED}) JOIN recordings r USING (recording_id)
+WHERE {_SAMPLED.format(key="recording_id || camera || frame_index")}
+QUALIFY row_number() OVER (
+    PARTITION BY recording_id, observation_index ORDER BY {_ranked("method")}
+) = 1
+ORDER BY file_name, camera, track_id, frame_index
+"""
+
+_EXPOSURE = """
+WITH timed AS (
+    SELECT
+        *, (capture_time_ns - min(capture_time_ns) OVER camera_of) / 1e9 AS since_s,
+        (max(capture_time_ns) OVER camera_of - min(capture_time_ns) OVER camera_of) / 1e9 AS long_s
+    FROM frames
+    WINDOW camera_of AS (PARTITION BY recording_id, camera)
+)
+SELECT
+    r.file_name, camera, min(frame_index) AS frame_index, avg(since_s) AS time_s,
+    avg(ev100) AS ev100, avg(f_number) AS f_number, avg(iso_speed) AS iso_speed,
+    avg(exposure_time_s) AS exposure_time_s, avg(luminance) AS luminance,
+    avg(clipped_fraction) AS clipped_fraction
+FROM timed JOIN recordings r USING (recording_id)
+GROUP BY r.file_name, recording_id, camera, floor(? * since_s / greatest(long_s, 1e-9))
+ORDER BY file_name, camera, time_s
+"""
+
+_DIAGNOSTICS = """
+FROM diagnostics
+ORDER BY list_position(['error', 'warning', 'info'], severity), file_name, log_time_ns
+LIMIT ?
+"""

@@ -1,0 +1,318 @@
+"""The best of all methods: weighted by precision, checked against the track, smoothed along it.
+
+1. Each observation's depths are weighted by their precision. A method that contradicts the surest one
+   all along a track (the size prior on a child) is left out of that track.
+2. Where the pose is known, a track's height, from the frames that show all of it, is as good a ruler
+   as the ground: the head's ray meets the level of the track's height above the ground. It carries the
+   position where the feet are hidden, and adds to it where they are not. Whose height in a frame is too
+   small for the track has hidden feet there; whose is too large is not alone in the box.
+3. Positions are smoothed along the track. What frames have in common (the calibration's error) is not
+   made smaller by that, and errors of boxes are taken to repeat for half a second.
+4. The height in a frame is that at the smoothed position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from pipeline.estimate.columns import BoolArray, Estimated, Measured
+from pipeline.estimate.gait import GAIT_STD_M
+from pipeline.estimate.geometry import Geometry
+from pipeline.estimate.smoother import smooth_tracks
+from pipeline.optics.ground_plane import ground_position_m, height_m, range_m
+from pipeline.records import FloatArray, GroundPlane, Method
+
+# A method is left out of a track where it is this many standard deviations from the surest one.
+CONTRADICTION = 2.5
+# Boxes repeat their error for as long as a pose is held, about half a step. With this the intervals of
+# simulated tracks whose errors fade over 0.45 s hold what they should (`python -m bench.walkers`).
+CORRELATION_S = 0.3
+# How much of a person sways to either side of the middle of the box, in widths of the box.
+SWAY = 0.1
+# A frame's height is compared with its track's only if so many frames show the track whole.
+MIN_WHOLE = 8
+HIDDEN, NOT_ALONE = -3.0, 3.0  # standard deviations of a frame's height from its track's
+CLEAR_OCCLUSION = 0.05  # of a box, by other boxes
+# The head says nothing of the place where the camera is hardly above it.
+MIN_ABOVE_HEAD_M = 0.3
+
+
+def estimate(geometry: Geometry, members: Mapping[Method, Estimated]) -> Estimated:
+    """Return the fused estimates; NaN where no method has a depth.
+
+    Args:
+        geometry: the boxes.
+        members: what each method made of them.
+    """
+    m = geometry.measured
+    if not members:
+        return Estimated(len(m))
+    fused = _weighted(m, members)
+    plane = m.ground_plane
+    if m.intrinsics is None:
+        return fused
+    if plane is not None and Method.GROUND in members:
+        _use_head(fused, geometry, plane, members[Method.GROUND])
+    _smooth(fused, geometry, plane)
+    if plane is not None:
+        _heights_on_ground(fused, geometry, plane, members)
+    return fused
+
+
+def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
+    """Return the mean of the methods by precision; heights by those that measure them."""
+    parts = list(members.values())
+    depth = np.stack([e.depth_m for e in parts])
+    std = np.stack([e.depth_std_m for e in parts])
+    common = np.stack([e.depth_common_std_m for e in parts])
+    usable: BoolArray = np.asarray(np.isfinite(depth) & (std > 0))
+    ground = members.get(Method.GROUND)
+    if ground is not None:
+        # A height that was put in says how far away somebody is if they are as tall as people are. Of
+        # that the pose knows already, by all who walked there; the ground is asked alone.
+        assumed = np.stack([e.height_assumed for e in parts])
+        usable = np.asarray(usable & ~(assumed & np.isfinite(ground.depth_m)))
+    agreeing = _agreeing(m, depth, std, usable)
+    weight = np.where(usable & agreeing, 1.0 / np.where(usable, std, 1.0) ** 2, 0.0)
+    fused = Estimated(len(m))
+    total = weight.sum(axis=0)
+    # A depth without a deviation is exact, or its deviation unknown: it is taken as it is.
+    alone = (total == 0) & np.isfinite(depth).any(axis=0)
+    first = np.argmax(np.isfinite(depth), axis=0)
+    weight[first[alone], np.flatnonzero(alone)] = 1.0
+    share = _shares(weight)
+    fused.depth_m = _sum(share, depth)
+    # What two methods share (the pose, the foot's row) adds up; it is not known how much they do.
+    fused.depth_common_std_m = np.nan_to_num(_sum(share, common))
+    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
+    fused.depth_std_m = np.hypot(_root_sum(share, noise), fused.depth_common_std_m)
+    _weighted_heights(fused, parts, share)
+    for name in ("range_m", "x_m", "y_m"):
+        setattr(fused, name, _sum(share, np.stack([getattr(e, name) for e in parts])))
+    ranges = np.stack([e.in_calibrated_range for e in parts])
+    outside = ((ranges == 0) & (share > 0)).any(axis=0)
+    stated = (np.isfinite(ranges) & (share > 0)).any(axis=0)
+    fused.in_calibrated_range = np.where(outside, 0.0, np.where(stated, 1.0, np.nan))
+    return fused
+
+
+def _agreeing(m: Measured, depth: FloatArray, std: FloatArray, usable: BoolArray) -> BoolArray:
+    """Return which methods, (methods, n), do not contradict the surest one along their track."""
+    sure = np.where(usable, std, np.inf)
+    best = np.argmin(sure, axis=0)
+    columns = np.arange(depth.shape[1])
+    with np.errstate(invalid="ignore"):
+        off = (depth - depth[best, columns]) / np.hypot(std, std[best, columns])
+    off[~usable] = np.nan
+    typical = pd.DataFrame(off.T).groupby(m.track_id).transform("median").to_numpy().T
+    return np.asarray(~(np.abs(typical) > CONTRADICTION) | (best == np.arange(len(depth))[:, None]))
+
+
+def _weighted_heights(fused: Estimated, parts: list[Estimated], share: FloatArray) -> None:
+    """Enter heights: those that were measured; one that was put in only where there is no other."""
+    tall = np.stack([e.height_m for e in parts])
+    std = np.stack([e.height_std_m for e in parts])
+    common = np.stack([e.height_common_std_m for e in parts])
+    assumed = np.stack([e.height_assumed for e in parts])
+    known = np.isfinite(tall) & (share > 0)
+    measured = known & ~assumed
+    none = np.asarray(~measured.any(axis=0))
+    usable = np.where(none, known, measured)
+    weight = np.where(usable, 1.0 / np.maximum(np.nan_to_num(std, nan=1.0), 1e-9) ** 2, 0.0)
+    part = _shares(weight)
+    fused.height_m = _sum(part, tall)
+    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
+    fused.height_common_std_m = np.nan_to_num(_sum(part, common))
+    fused.height_std_m = np.hypot(_root_sum(part, noise), fused.height_common_std_m)
+    fused.height_assumed = np.asarray(none & known.any(axis=0))
+
+
+def _shares(weight: FloatArray) -> FloatArray:
+    total = weight.sum(axis=0)
+    return np.where(total > 0, weight / np.where(total > 0, total, 1.0), 0.0)
+
+
+def _sum(share: FloatArray, values: FloatArray) -> FloatArray:
+    """Return weighted sums over the methods, NaN where none has a share."""
+    total = np.where(share > 0, share * values, 0.0).sum(axis=0)
+    return np.where((share > 0).any(axis=0), total, np.nan)
+
+
+def _root_sum(share: FloatArray, std: FloatArray) -> FloatArray:
+    """Return the deviation of a weighted sum of what is independent."""
+    return np.sqrt(_sum(share**2, std**2))
+
+
+def _use_head(fused: Estimated, geometry: Geometry, plane: GroundPlane, ground: Estimated) -> None:
+    """Bring in the depth at which the head is as high as the track's own height."""
+    m = geometry.measured
+    noise_m = np.sqrt(np.maximum(ground.height_std_m**2 - ground.height_common_std_m**2, 0.0))
+    noise_m = np.hypot(noise_m, GAIT_STD_M)
+    whole = np.isfinite(ground.height_m) & (m.occlusion < CLEAR_OCCLUSION)
+    tall_m, tall_std_m = _track_median(m, ground.height_m, whole)
+    with np.errstate(invalid="ignore"):
+        off = (ground.height_m - tall_m) / noise_m
+    hidden = (off < HIDDEN) | m.truncated[:, 3]
+    crowded = off > NOT_ALONE
+
+    depth_m, head_noise_m, per_height = _head_depth(geometry, plane, tall_m)
+    head_common_m = np.hypot(per_height * tall_std_m, np.nan_to_num(ground.depth_common_std_m))
+    known = np.isfinite(depth_m) & ~m.truncated[:, 1] & ~crowded
+    foot_noise_m = np.sqrt(np.maximum(fused.depth_std_m**2 - fused.depth_common_std_m**2, 0.0))
+    foot_noise_m = np.where(hidden, np.inf, np.nan_to_num(foot_noise_m, nan=np.inf))
+    foot_noise_m = np.where(crowded, foot_noise_m * np.maximum(off, 1.0), foot_noise_m)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        head = np.where(known, 1.0 / head_noise_m**2, 0.0)
+        foot = np.where(np.isfinite(foot_noise_m), 1.0 / np.maximum(foot_noise_m, 1e-9) ** 2, 0.0)
+    both = (head + foot) > 0
+    share = np.where(both, head / np.where(both, head + foot, 1.0), 0.0)
+    take = both & (share > 0)
+    mixed = np.where(
+        share >= 1, depth_m, share * np.nan_to_num(depth_m) + (1 - share) * fused.depth_m
+    )
+    mixed_noise = np.where(both, 1.0 / np.sqrt(np.where(both, head + foot, 1.0)), np.nan)
+    common = np.where(
+        share >= 1, head_common_m, share * head_common_m + (1 - share) * fused.depth_common_std_m
+    )
+    fused.depth_m = np.where(take, mixed, fused.depth_m)
+    fused.depth_common_std_m = np.where(take, common, fused.depth_common_std_m)
+    wide = np.where(take, mixed_noise, np.where(np.isfinite(foot_noise_m), foot_noise_m, np.nan))
+    fused.depth_std_m = np.where(
+        np.isfinite(wide), np.hypot(wide, fused.depth_common_std_m), fused.depth_std_m
+    )
+    # The height there is that of the other frames.
+    put_in = take & (hidden | (share >= 1))
+    fused.height_m = np.where(put_in, tall_m, fused.height_m)
+    fused.height_assumed |= put_in
+
+
+def _track_median(m: Measured, values: FloatArray, use: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return the median of each observation's track and its standard deviation by noise, (n,)."""
+    chosen = pd.Series(np.where(use, values, np.nan))
+    by_track = chosen.groupby(m.track_id)
+    middle = by_track.transform("median").to_numpy(dtype=np.float64)
+    count = by_track.transform("count").to_numpy(dtype=np.float64)
+    apart = pd.Series(np.abs(chosen.to_numpy() - middle)).groupby(m.track_id)
+    spread = 1.4826 * apart.transform("median").to_numpy(dtype=np.float64)
+    independent = np.maximum(count * _independent_share(m), 1.0)
+    std = np.sqrt(np.pi / 2) * np.maximum(spread, GAIT_STD_M) / np.sqrt(independent)
+    return np.where(count >= MIN_WHOLE, middle, np.nan), std
+
+
+def _independent_share(m: Measured) -> FloatArray:
+    """Return the part of an independent observation that each one is: its interval over 0.5 s."""
+    order = np.lexsort((m.capture_time_ns, m.track_id))
+    track, time_ns = m.track_id[order], m.capture_time_ns[order]
+    step_s = np.diff(time_ns, prepend=0) / 1e9
+    step_s[np.diff(track, prepend=-1) != 0] = np.nan
+    by_track = pd.Series(step_s).groupby(track).transform("median").to_numpy(dtype=np.float64)
+    share = np.empty(len(track))
+    share[order] = np.clip(np.nan_to_num(by_track, nan=CORRELATION_S) / CORRELATION_S, 1e-3, 1.0)
+    return share
+
+
+def _head_depth(
+    geometry: Geometry, plane: GroundPlane, tall_m: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the foot's depth by the head's ray, its noise, and its change by the height.
+
+    The head's ray meets the plane at height H: at Z_h = (h_c - H) / (y_h cos t + sin t) along the axis,
+    Y = Z_h (cos t - y_h sin t) ahead; the foot below it is at Z = Y cos t + h_c sin t.
+    """
+    y_h, tilt = geometry.head[:, 1], plane.tilt_rad
+    above_m = plane.camera_height_m - tall_m
+    slope = y_h * np.cos(tilt) + np.sin(tilt)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        usable = (above_m > MIN_ABOVE_HEAD_M) & (slope > 0)
+        along_m = np.where(usable, above_m / np.where(usable, slope, 1.0), np.nan)
+        ahead_m = along_m * (np.cos(tilt) - y_h * np.sin(tilt))
+        per_height = ahead_m / above_m * np.cos(tilt)
+        by_row = along_m**2 / above_m * np.cos(tilt)
+    noise_m = np.hypot(by_row * geometry.head_std, per_height * GAIT_STD_M)
+    depth_m = ahead_m * np.cos(tilt) + plane.camera_height_m * np.sin(tilt)
+    return np.where(ahead_m > 0, depth_m, np.nan), noise_m, per_height
+
+
+def _smooth(fused: Estimated, geometry: Geometry, plane: GroundPlane | None) -> None:
+    """Smooth positions along the tracks; depths, ranges and deviations follow from them."""
+    m = geometry.measured
+    position, covariance = _places(fused, geometry, plane)
+    inflated = covariance / _independent_share(m)[:, None, None]
+    time_s = (m.capture_time_ns - m.capture_time_ns.min(initial=0)) / 1e9
+    smoothed = smooth_tracks(m.track_id, time_s, position, inflated)
+    several = pd.Series(m.track_id).groupby(m.track_id).transform("count").to_numpy() > 1
+    use = several & np.isfinite(smoothed.position_m).all(axis=1) & np.isfinite(position).any(axis=1)
+    x_m, y_m = smoothed.position_m.T
+    tilt = plane.tilt_rad if plane is not None else 0.0
+    up_m = plane.camera_height_m if plane is not None else 0.0
+    depth_m = y_m * np.cos(tilt) + up_m * np.sin(tilt)
+    noise_m = np.sqrt(smoothed.covariance[:, 1, 1]) * np.cos(tilt)
+    fused.depth_m = np.where(use, depth_m, fused.depth_m)
+    fused.depth_std_m = np.where(
+        use, np.hypot(noise_m, fused.depth_common_std_m), fused.depth_std_m
+    )
+    fused.x_m, fused.y_m = np.where(use, x_m, fused.x_m), np.where(use, y_m, fused.y_m)
+    fused.speed_m_s = np.where(use, np.linalg.norm(smoothed.velocity_m_s, axis=1), np.nan)
+    if plane is not None:
+        half_m = np.nan_to_num(fused.height_m, nan=1.7) / 2
+        away_m = range_m(fused.x_m, fused.y_m, up_m, half_m)
+    else:
+        away_m = np.sqrt(fused.x_m**2 + fused.y_m**2 + (fused.depth_m * geometry.middle[:, 1]) ** 2)
+    fused.range_m = np.where(use, away_m, fused.range_m)
+
+
+def _places(
+    fused: Estimated, geometry: Geometry, plane: GroundPlane | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return where each observation is, (n, 2), and the covariance of its own error, (n, 2, 2).
+
+    An error of depth moves it along the line of sight, an error of the box's middle across.
+    """
+    noise_m = np.sqrt(np.maximum(fused.depth_std_m**2 - fused.depth_common_std_m**2, 0.0))
+    tilt = plane.tilt_rad if plane is not None else 0.0
+    x = geometry.middle[:, 0]
+    if plane is not None:
+        # On the ground the place follows from the depth; the row of the foot need not be seen.
+        row = (plane.camera_height_m / fused.depth_m - np.sin(tilt)) / np.cos(tilt)
+        x_m, y_m = ground_position_m(fused.depth_m, x, row, tilt)
+        # The middle of the box is between foot and head, and the head is nearer: by H sin t.
+        nearer = np.nan_to_num(fused.height_m) * np.sin(tilt) / fused.depth_m
+        x_m = x_m * 2 * (1 - nearer) / (2 - nearer)
+    else:
+        x_m, y_m = fused.depth_m * x, fused.depth_m
+    along = noise_m[:, None] * np.column_stack([x, np.full(len(x), 1.0 / np.cos(tilt))])
+    across_m = fused.depth_m * SWAY * np.abs(geometry.width_angle)
+    across_m = np.nan_to_num(across_m, nan=0.1) + 1e-3
+    covariance = along[:, :, None] * along[:, None, :]
+    covariance[:, 0, 0] += across_m**2
+    covariance[:, 1, 1] += 1e-6
+    return np.column_stack([x_m, y_m]), covariance
+
+
+def _heights_on_ground(
+    fused: Estimated,
+    geometry: Geometry,
+    plane: GroundPlane,
+    members: Mapping[Method, Estimated],
+) -> None:
+    """Measure heights at the smoothed positions; only the head's row is the frame's own."""
+    tilt, y_h = plane.tilt_rad, geometry.head[:, 1]
+    y_f = (plane.camera_height_m / fused.depth_m - np.sin(tilt)) / np.cos(tilt)
+    tall_m = height_m(fused.depth_m, y_f, y_h, tilt)
+    ground = members.get(Method.GROUND)
+    seen = np.isfinite(tall_m) & ~geometry.height_cut & ~fused.height_assumed
+    if ground is not None:
+        seen &= np.isfinite(ground.height_m)
+    noise_m = np.sqrt(np.maximum(fused.depth_std_m**2 - fused.depth_common_std_m**2, 0.0))
+    across = np.cos(tilt) - y_h * np.sin(tilt)
+    by_head_m = fused.y_m / across**2
+    # Along the head's ray it is lower the farther away; a metre of depth is 1 / cos t on the ground.
+    by_depth = np.abs(y_h * np.cos(tilt) + np.sin(tilt)) / (across * np.cos(tilt))
+    noise_m = np.hypot(by_head_m * geometry.head_std, by_depth * noise_m)
+    common_m = ground.height_common_std_m if ground is not None else fused.height_common_std_m
+    fused.height_m = np.where(seen, tall_m, fused.height_m)
+    fused.height_common_std_m = np.where(seen, common_m, fused.height_common_std_m)
+    fused.height_std_m = np.where(seen, np.hypot(noise_m, common_m), fused.height_std_m)

@@ -1,0 +1,156 @@
+"""The fused method: precision, contradiction, hidden feet, smoothing, and honest intervals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.walkers import scene, score
+from pipeline.estimate import fused, ground
+from pipeline.estimate.columns import Estimated, Measured
+from pipeline.estimate.gait import GAIT_DROP_M
+from pipeline.estimate.geometry import Geometry
+from pipeline.estimate.tracks import track_heights
+from pipeline.records import GroundPlane, Method
+from tests.estimate.scenes import measured, people
+
+PLANE = GroundPlane(6.0, 0.25, 0.0, np.diag([0.05, 0.003, 0.003]) ** 2)
+
+
+def by(depth_m: list[float], std_m: list[float], common_m: float = 0.0) -> Estimated:
+    made = Estimated(len(depth_m))
+    made.depth_m, made.depth_std_m = np.array(depth_m), np.array(std_m)
+    made.depth_common_std_m = np.full(len(depth_m), common_m)
+    return made
+
+
+def lensless(n: int, **changes: object) -> Measured:
+    return measured(np.zeros((n, 4)), intrinsics=None, **changes)
+
+
+def walk(n: int = 60, noise_px: float = 0.0, seed: int = 0, tall_m: float = 1.75) -> tuple:
+    """Return boxes of somebody who walks from 12 to 20 m, where they are, and their depth."""
+    y_m = np.linspace(12, 20, n)
+    x_m = np.linspace(-2, 2, n)
+    box = people(x_m, y_m, np.full(n, tall_m), PLANE)
+    box[:, 0] -= 15
+    box[:, 2] += 15
+    box += np.random.default_rng(seed).normal(0, noise_px, box.shape) if noise_px else 0.0
+    depth_m = y_m * np.cos(PLANE.tilt_rad) + PLANE.camera_height_m * np.sin(PLANE.tilt_rad)
+    return box, depth_m
+
+
+def estimated(box: np.ndarray, **changes: object) -> tuple[Measured, Estimated]:
+    time_ns = np.arange(len(box)) * 100_000_000
+    std = np.full(box.shape, 2.0)
+    m = measured(box, ground_plane=PLANE, capture_time_ns=time_ns, std_xyxy_px=std)
+    m = replace(m, **changes)
+    geometry = Geometry(m)
+    return m, fused.estimate(geometry, {Method.GROUND: ground.estimate(geometry)})
+
+
+def test_depths_are_weighted_by_precision() -> None:
+    m = lensless(2, track_id=np.arange(2))
+    members = {Method.SIZE: by([10.0, 10.0], [1.0, 1.0]), Method.APERTURE: by([11.0, 10], [0.5, 2])}
+    found = fused.estimate(Geometry(m), members)
+    assert found.depth_m[0] == pytest.approx((10 * 1 + 11 * 4) / 5)
+    assert found.depth_std_m[0] == pytest.approx(1 / np.sqrt(5))
+    assert (found.depth_std_m <= [0.5, 1.0]).all()
+
+
+def test_one_method_alone_stays_as_it_is() -> None:
+    m = lensless(3, track_id=np.arange(3))
+    found = fused.estimate(Geometry(m), {Method.SIZE: by([5.0, np.nan, 7.0], [0.5, np.nan, 0.7])})
+    np.testing.assert_allclose(found.depth_m, [5.0, np.nan, 7.0])
+    np.testing.assert_allclose(found.depth_std_m, [0.5, np.nan, 0.7])
+
+
+def test_a_method_that_contradicts_the_surest_all_along_a_track_is_left_out() -> None:
+    m = lensless(20, track_id=np.repeat([1, 2], 10))
+    sure, unsure = by([10.0] * 20, [0.2] * 20), by([15.0] * 10 + [10.5] * 10, [0.6] * 20)
+    found = fused.estimate(Geometry(m), {Method.GROUND: sure, Method.SIZE: unsure})
+    np.testing.assert_allclose(found.depth_m[:10], 10.0)
+    assert (found.depth_m[10:] > 10.01).all()
+
+
+def test_what_methods_share_is_not_made_smaller() -> None:
+    m = lensless(1)
+    members = {Method.SIZE: by([10.0], [1.0], 1.0), Method.APERTURE: by([10.0], [1.0], 1.0)}
+    assert fused.estimate(Geometry(m), members).depth_std_m[0] == pytest.approx(1.0)
+
+
+def test_exact_boxes_give_exact_positions_and_heights() -> None:
+    box, depth_m = walk()
+    _, found = estimated(box)
+    np.testing.assert_allclose(found.depth_m, depth_m, atol=0.02)
+    np.testing.assert_allclose(found.height_m, 1.75, atol=0.005)
+    np.testing.assert_allclose(found.x_m, np.linspace(-2, 2, 60), atol=0.02)
+    assert not found.height_assumed.any()
+    speed = np.hypot(4.0, 8.0) / 5.9
+    np.testing.assert_allclose(found.speed_m_s[10:50], speed, rtol=0.02)
+
+
+def test_smoothing_makes_noise_smaller_and_says_by_how_much() -> None:
+    ratios, z = [], []
+    for seed in range(25):
+        box, depth_m = walk(noise_px=2.0, seed=seed)
+        m, found = estimated(box)
+        rough = ground.estimate(Geometry(m))
+        ratios.append(np.std(found.depth_m - depth_m) / np.std(rough.depth_m - depth_m))
+        noise = np.sqrt(found.depth_std_m**2 - found.depth_common_std_m**2)
+        z.append((found.depth_m - depth_m) / noise)
+    assert np.mean(ratios) < 0.6
+    # White noise: the intervals allow for errors that last, and may only be too wide.
+    assert np.mean(np.abs(np.concatenate(z)) < 1.96) > 0.95
+
+
+def test_hidden_feet_are_found_by_the_head() -> None:
+    box, depth_m = walk(noise_px=0.5)
+    hidden = slice(20, 40)
+    box[hidden, 3] -= 0.3 * (box[hidden, 3] - box[hidden, 1])  # a wall a third as high
+    m, found = estimated(box)
+    rough = ground.estimate(Geometry(m))
+    assert np.abs(rough.depth_m - depth_m)[hidden].min() > 1.0
+    assert np.abs(found.depth_m - depth_m).max() < 0.25
+    assert found.height_assumed[hidden].all()
+    assert not found.height_assumed[:15].any()
+    heights = track_heights(m, found, Method.FUSED).to_pydict()
+    assert heights["height_m"][0] == pytest.approx(1.75 + GAIT_DROP_M, abs=0.02)
+    assert heights["height_assumed"] == [False]
+
+
+def test_feet_below_the_picture_are_found_by_the_head() -> None:
+    box, depth_m = walk()
+    cut = np.zeros((60, 4), bool)
+    cut[:12, 3] = True
+    box[:12, 3] = box[12, 3]
+    _, found = estimated(box, truncated=cut)
+    assert np.isfinite(found.depth_m).all()
+    assert np.abs(found.depth_m - depth_m).max() < 0.3
+
+
+def test_somebody_who_stands_is_not_made_taller() -> None:
+    n = 40
+    box = people(np.zeros(n), np.full(n, 15.0), np.full(n, 1.75), PLANE)
+    box[:, 0] -= 15
+    box[:, 2] += 15
+    m, found = estimated(box)
+    heights = track_heights(m, found, Method.FUSED).to_pydict()
+    assert heights["height_m"][0] == pytest.approx(1.75, abs=0.005)
+
+
+@pytest.mark.slow
+def test_it_is_no_worse_than_its_best_member() -> None:
+    random = np.random.default_rng(21)
+    ratios, z = [], []
+    for _ in range(12):
+        simulated = scene(random, 12)
+        best = score(simulated, simulated.plane, Method.GROUND).depth_relative
+        found = score(simulated, simulated.plane, Method.FUSED)
+        ratios.append(found.depth_relative / best)
+        z.append(found.depth_z)
+    assert np.median(ratios) < 1.0
+    assert np.max(ratios) < 1.25
+    assert 0.9 < np.mean(np.abs(np.concatenate(z)) < 1.96) < 0.985
