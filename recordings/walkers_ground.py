@@ -129,10 +129,10 @@ def _distance(
     blur_m = behind_m / view.intrinsics.fx_px
     out = np.empty((*x.shape, 3), np.float32)
     out[...] = np.array([224, 212, 200], np.float32)
-    house_m = random.uniform(9, 22)
+    house_m, street = random.uniform(9, 22), int(random.integers(1 << 30))
     number = np.floor(x / house_m).astype(int)
     for n in np.unique(number):
-        random_n = np.random.default_rng((abs(int(n)), int(n > 0), 17))
+        random_n = np.random.default_rng((street, abs(int(n)), int(n > 0)))
         mine = number == n
         wall = (
             np.array([120, 132, 146]) * random_n.uniform(0.55, 1.35) * random_n.normal(1, 0.06, 3)
@@ -144,8 +144,8 @@ def _distance(
         face = wall * (1 - 0.55 * window[..., None])
         share = _step(high_m - z, blur_m)[..., None]
         out[mine] = (out * (1 - share) + face * share)[mine]
-    grain = _sample(_noise_tile(random), x / 0.6, z / 0.6)
-    return np.asarray(out * (1 + 0.04 * grain[..., None]), np.float32)
+    grain = np.where(z < 17, 0.03, 0.008) * _sample(_noise_tile(random), x / 0.6, z / 0.6)
+    return np.asarray(out * (1 + grain[..., None]), np.float32)
 
 
 def _noise_tile(random: np.random.Generator) -> npt.NDArray[np.float32]:
