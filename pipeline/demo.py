@@ -6,9 +6,10 @@ import csv
 import math
 from pathlib import Path
 
-from pipeline.config import load_config
+from pipeline.config import Config, load_config
 from pipeline.console import out, print_rows, progress_lines, safe
 from pipeline.errors import MissingLibrary, UsageError, Where
+from pipeline.ingest.survey import survey
 from pipeline.run import Outcome, run
 from pipeline.store.database import Store
 from pipeline.summary import print_run, print_tracks
@@ -41,11 +42,15 @@ def demo(
             recording = outcome.recording
             assert recording is not None  # noqa: S101  (narrowing)
             recording_id = recording.recording_id
-            if store.read("ground_truth", recording_id).num_rows:
-                _print_accuracy(store, source)
-            else:
-                _print_pose(store, recording_id)
-                print_tracks(store, recording_id, f"{outcome.path.name}: who walked where")
+            truth = store.read("ground_truth", recording_id)
+            if STAFF in truth["class_name"].to_pylist():
+                _print_accuracy(store, recording_id, source)
+                continue
+            _print_pose(store, recording_id)
+            print_tracks(store, recording_id, f"{outcome.path.name}: who walked where")
+            if truth.num_rows:
+                _print_true_pose(outcome.path, config)
+                _print_against_truth(store, recording_id, outcome.path.name)
     print_run(result, database)
     _write_report(database, folder / "report.html")
     out.print(f"next      stadimeter query --db {safe(database)} --view accuracy.by_aperture")
@@ -77,6 +82,49 @@ def _print_pose(store: Store, recording_id: str) -> None:
         )
 
 
+def _print_true_pose(path: Path, config: Config) -> None:
+    """Print the pose that a simulated recording was made with, as its metadata say; no run reads it."""
+    said = survey(path, config).metadata.get("true_camera")
+    if said is not None:
+        values = ", ".join(f"{safe(k)} = {safe(v)}" for k, v in said.items())
+        out.print(f"truth     {values}", soft_wrap=True)
+
+
+def _print_against_truth(store: Store, recording_id: str, title: str) -> None:
+    """Print how far depths and heights of people are from the truth, by method."""
+    depths = store.query(
+        """
+        SELECT method, count(*) AS n, median(abs(depth_error_m) / true_depth_m) AS relative,
+            median(depth_error_m / true_depth_m) AS bias,
+            avg((abs(depth_z) < 1.96)::INTEGER) AS inside
+        FROM accuracy.errors WHERE recording_id = ? GROUP BY method ORDER BY method
+        """,
+        [recording_id],
+    ).to_pylist()
+    heights = store.query(
+        """
+        SELECT method, median(abs(height_error_m)) AS off_m
+        FROM accuracy.track_heights WHERE recording_id = ? GROUP BY method
+        """,
+        [recording_id],
+    ).to_pylist()
+    off_m = {row["method"]: row["off_m"] for row in heights}
+    rows = [
+        [
+            row["method"],
+            f"{row['n']:,}",
+            f"{100 * row['relative']:.1f}",
+            f"{100 * row['bias']:+.1f}",
+            "" if row["inside"] is None else f"{100 * row['inside']:.0f}",
+            _cm(100 * off_m[row["method"]]) if row["method"] in off_m else "",
+        ]
+        for row in depths
+    ]
+    header = ("method", "estimates", "depth off %", "bias %", "in 95 % interval", "height off cm")
+    print_rows(f"{title}: against the truth, medians", header, rows)
+
+
+STAFF = "levelling_staff"
 LABELS = {
     "aperture": "Eq. 16, Table 8",
     "inverse": "Eq. 17, printed",
@@ -84,7 +132,7 @@ LABELS = {
 }
 
 
-def _print_accuracy(store: Store, source: Path) -> None:
+def _print_accuracy(store: Store, recording_id: str, source: Path) -> None:
     """Print the errors on `staff` beside those of what the paper prints for the same rows."""
     depths = _table(source / "paper" / "depth_tables_3_to_7.csv")
     heights = _table(source / "paper" / "height_tables_9_10.csv")
@@ -95,10 +143,10 @@ def _print_accuracy(store: Store, source: Path) -> None:
         """
         SELECT f_number, method, sqrt(avg(depth_error_m ** 2)) AS depth_m,
             sqrt(avg(height_error_m ** 2)) AS height_m
-        FROM accuracy.errors WHERE NOT list_contains(?, object_id)
+        FROM accuracy.errors WHERE recording_id = ? AND NOT list_contains(?, object_id)
         GROUP BY GROUPING SETS ((f_number, method), (method))
         """,
-        [wrong],
+        [recording_id, wrong],
     ).to_pylist()
     ours = {(r["f_number"], r["method"]): r["depth_m"] for r in found if r["depth_m"] is not None}
     methods = sorted({method for _, method in ours})

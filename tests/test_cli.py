@@ -139,10 +139,11 @@ def test_the_demo_tells_the_whole_story(tmp_path: Path) -> None:
         "ground",
         "stadimeter.duckdb",
         "street.rrd",
+        "walkers.mcap: against the truth",
     ):
         assert words in done.stdout
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert {"stadimeter.duckdb", "staff.rrd", "street.rrd", "report.html"} <= names
+    assert {"stadimeter.duckdb", "staff.rrd", "street.rrd", "walkers.rrd", "report.html"} <= names
 
 
 def test_calibrating_from_truth_and_using_what_was_found(tmp_path: Path) -> None:
