@@ -19,6 +19,7 @@ from pipeline.errors import StadimeterError, UsageError
 
 if TYPE_CHECKING:
     from pipeline.calibrate.walkers import Known
+    from pipeline.config import DetectConfig
 
 DONE, FAILED, USAGE, DAMAGED = 0, 1, 2, 3
 DEFAULT_DB = Path("stadimeter.duckdb")
@@ -79,7 +80,9 @@ def _add_run(commands: Commands[argparse.ArgumentParser]) -> None:
     _add_db(parser)
     parser.add_argument("--rrd", type=Path, metavar="DIR", help="write a Rerun timeline of each")
     parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")
-    parser.add_argument("--detector", choices=("auto", "recorded", "roi", "motion"))
+    parser.add_argument("--detector", choices=("auto", "recorded", "roi", "motion", "onnx"))
+    parser.add_argument("--model", type=Path, metavar="FILE", help="the network of onnx")
+    parser.add_argument("--model-family", metavar="NAME", help="where its outputs fit several")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
     parser.add_argument("--label", help="a name for this run, to compare it with others")
     parser.set_defaults(function=_run)
@@ -96,8 +99,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.workers < 1:
         raise UsageError("--workers must be at least 1")
     config = load_config(arguments.camera)
-    if arguments.detector:
-        config = replace(config, detect=replace(config.detect, method=arguments.detector))
+    config = replace(config, detect=_detect_config(arguments, config.detect))
     with progress_lines() as report:
         result = run(
             arguments.recordings,
@@ -110,6 +112,25 @@ def _run(arguments: argparse.Namespace) -> int:
         )
     print_run(result, arguments.db)
     return _code_of(result.stored, result.failed, result.damaged)
+
+
+def _detect_config(arguments: argparse.Namespace, detect: DetectConfig) -> DetectConfig:
+    """Return how to detect: what the command line says goes before the camera file."""
+    from dataclasses import replace
+
+    if arguments.model is not None:
+        if arguments.detector not in (None, "onnx"):
+            raise UsageError(f"--model goes with --detector onnx, not {arguments.detector}")
+        detect = replace(detect, method="onnx", model=str(arguments.model))
+    if arguments.model_family is not None:
+        detect = replace(detect, model_family=arguments.model_family)
+    if arguments.detector is not None:
+        detect = replace(detect, method=arguments.detector)
+    if detect.method == "onnx":  # a wrong model is told once, before hours of footage
+        from pipeline.detect.onnx import OnnxDetector
+
+        OnnxDetector(detect)
+    return detect
 
 
 def _code_of(stored: Sequence[object], failed: Sequence[object], damaged: Sequence[object]) -> int:

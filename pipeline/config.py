@@ -23,7 +23,7 @@ import tomllib
 import types
 import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -58,13 +58,24 @@ class IngestConfig:
 class DetectConfig:
     """How objects are found."""
 
-    method: str = "auto"  # auto, recorded, roi, motion
+    method: str = "auto"  # auto, recorded, roi, motion, onnx
     # How much of the recording is seen before the first answer: someone walking at 1 m/s leaves
     # every spot within it, so the median of its pictures shows the background.
     learning_s: float = 15.0
     # The smallest object, as a share of the picture's height: below it, one pixel of error at the
     # foot or head is more than a tenth of the object in most recordings.
     min_height: float = 0.04
+    # What follows is for the method onnx. Relative paths start at the camera file's folder.
+    model: str = ""
+    model_family: str = "auto"  # see `pipeline.detect.network_output`
+    model_classes: tuple[str, ...] = ()  # by index, where the file does not name them
+    model_backend: str = "auto"  # auto, onnxruntime, opencv
+    model_input_px: int = 0  # side of the input where the file leaves it open; 0: the usual one
+    classes: tuple[str, ...] = ("person",)  # which of the network's classes are kept
+    min_score: float = 0.4  # between the 0.25 of YOLO's own tools and the 0.5 of RT-DETR's
+    # Of two boxes that share more (intersection over union) the worse is the same person again. Two
+    # people side by side a shoulder's width apart share a quarter to a third.
+    max_overlap: float = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +186,9 @@ def load_config(path: Path | None) -> Config:
         raise UsageError(
             str(error), where=Where(path), remedy="The README lists the keys of camera.toml"
         ) from error
+    if config.detect.model:
+        model = str(path.parent / config.detect.model)
+        config = replace(config, detect=replace(config.detect, model=model))
     return config
 
 

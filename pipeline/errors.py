@@ -66,6 +66,10 @@ class UsageError(StadimeterError):
     """The command line or a configuration file asks for something that does not exist."""
 
 
+class UnusableModel(UsageError):
+    """A network's file is no model, or not one whose answers can be understood."""
+
+
 class NotARecording(StadimeterError):
     """The file is empty or no MCAP."""
 

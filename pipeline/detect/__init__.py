@@ -3,6 +3,7 @@
 recorded:   the detections that the recording holds
 roi:        a region of interest in which one object stands (the paper's cropping)
 motion:     what differs from the learned background of a fixed camera
+onnx:       a network from a file that the user has
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Protocol
 
 from pipeline.config import CameraConfig, DetectConfig
 from pipeline.detect.motion import MotionDetector
+from pipeline.detect.onnx import OnnxDetector
 from pipeline.detect.recorded import RecordedDetector
 from pipeline.detect.roi import RoiDetector
 from pipeline.errors import UsageError
@@ -49,6 +51,7 @@ def make_detector(config: DetectConfig, camera: CameraConfig, recorded: bool) ->
 
     Raises:
         UsageError: the method is unknown, or lacks what it needs.
+        UnusableModel: the network's file is no model, or not one that is understood.
     """
     method = config.method
     if method == "auto":
@@ -59,6 +62,8 @@ def make_detector(config: DetectConfig, camera: CameraConfig, recorded: bool) ->
         return RoiDetector(camera)
     if method == "motion":
         return MotionDetector(config)
+    if method == "onnx":
+        return OnnxDetector(config)
     raise UsageError(
-        f"unknown detector {method!r}", remedy="Known are auto, recorded, roi and motion"
+        f"unknown detector {method!r}", remedy="Known are auto, recorded, roi, motion and onnx"
     )
