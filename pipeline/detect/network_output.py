@@ -215,7 +215,9 @@ def decode(
     """
     shapes = [o.shape for o in outputs]
     arrays = [o.reshape(s) for o, s in zip(outputs, _unbatched(shapes), strict=True)]
-    flat: list[Any] = [a if a.dtype.kind in "iu" else a.astype(np.float64) for a in arrays if a.ndim <= 2]
+    flat: list[Any] = [
+        a if a.dtype.kind in "iu" else a.astype(np.float64) for a in arrays if a.ndim <= 2
+    ]
     try:
         found = _DECODERS[family](flat, size, class_count)
     except (_UnfitError, IndexError, ValueError) as error:

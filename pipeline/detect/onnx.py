@@ -178,7 +178,10 @@ def _input_size(
     """Return width and height of the input: fixed by the file, else asked for, else the usual."""
     height, width = image.shape[1:3] if channels_last else image.shape[2:]
     if config.model_input_px < 0 or config.model_input_px > MAX_INPUT_PX:
-        raise UsageError(f"model_input_px must be 32 to {MAX_INPUT_PX}")
+        raise UsageError(
+            f"model_input_px is {config.model_input_px}",
+            remedy=f"Give 32 to {MAX_INPUT_PX}, a multiple of 32, or 0 for the usual size",
+        )
     asked = config.model_input_px
     usual = FAMILIES.get(config.model_family, FAMILIES["yolov8"]).input_px
     stated = file.image_size_px() or (usual, usual)
