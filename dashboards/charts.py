@@ -40,6 +40,18 @@ def _depth_scale(rows: Sequence[Row]) -> alt.Scale:
     return alt.Scale(type=kind, zero=False, nice=kind == "linear")
 
 
+def _layer(row: Row) -> int:
+    """Return when a point is drawn: the best method last, so that nothing covers it."""
+    order = [str(method) for method in METHOD_ORDER]
+    return -order.index(row["method"]) if row["method"] in order else -len(order)
+
+
+def _above_zero(row: Row) -> float | None:
+    """Return the lower end of an interval, kept where an axis of logarithms can show it."""
+    low: float | None = row["depth_low_m"]
+    return None if low is None else max(low, min(row["depth_m"], row["true_depth_m"]) / 10)
+
+
 def _zoom(name: str) -> alt.Parameter:
     return alt.selection_interval(name=name, bind="scales")
 
@@ -55,7 +67,8 @@ def errors_chart(rows: list[Row], by_method: list[Row]) -> alt.Chart:
         rows: observations with `true_depth_m` and `depth_m`; none may be empty.
         by_method: the rows of `accuracy.by_method`, for the limits of agreement.
     """
-    data = alt.Data(values=rounded(rows))
+    on_top = sorted(rows, key=_layer)
+    data = alt.Data(values=rounded([r | {"depth_low_m": _above_zero(r)} for r in on_top]))
     picked = alt.selection_point(name="method_picked", fields=["method"], bind="legend")
     marked = alt.selection_interval(encodings=["x"], name="marked")
     seen = alt.when(picked & marked).then(alt.value(0.75)).otherwise(alt.value(0.06))

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import pyarrow as pa
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import (
@@ -27,11 +28,13 @@ from pipeline.progress import Progress, Report
 
 PLAIN_LINE_EVERY_S = 5.0  # where there is no terminal, such as in a log
 
-# A table that a program or a log reads must not be cut to eighty columns.
-WIDTH = None if sys.stdout.isatty() else 400
+LOG_WIDTH = 120  # of prose in a log; a table there is as wide as its columns
+TEXT_WIDTH = 80  # longer text in a table is folded
+CELL_FRAME = 3  # a border and a space on either side
 
-out = Console(highlight=False, width=WIDTH)
+out = Console(highlight=False, width=None if sys.stdout.isatty() else LOG_WIDTH)
 err = Console(stderr=True, highlight=False)
+_log_tables = Console(highlight=False, width=10_000)
 
 
 def safe(text: object) -> str:
@@ -42,18 +45,51 @@ def safe(text: object) -> str:
 
 
 def print_table(table: pa.Table, *, title: str | None = None, max_rows: int | None = None) -> None:
-    """Print a result with its columns as they are named in the database."""
+    """Print a result with its columns as they are named in the database.
+
+    On a terminal, columns that do not fit are left out and named below; a log gets them all.
+    """
     shown = table if max_rows is None else table.slice(0, max_rows)
+    names = [safe(name) for name in shown.column_names]
+    cells = [[_cell(value) for value in column.to_pylist()] for column in shown.columns]
+    fitting = _fitting(names, cells, out.width) if out.is_terminal else len(names)
     grid = Table(title=safe(title) if title else None, title_justify="left", header_style="bold")
-    for schema_field in shown.schema:
+    for name, schema_field in zip(names[:fitting], shown.schema, strict=False):
         numeric = pa.types.is_floating(schema_field.type) or pa.types.is_integer(schema_field.type)
-        grid.add_column(safe(schema_field.name), justify="right" if numeric else "left")
-    columns = [column.to_pylist() for column in shown.columns]
-    for row in zip(*columns, strict=True):
-        grid.add_row(*(_cell(value) for value in row))
-    out.print(grid, crop=False)
+        _add_column(grid, name, numeric=numeric)
+    for row in zip(*cells[:fitting], strict=True):
+        grid.add_row(*row)
+    _print_grid(grid)
     if shown.num_rows < table.num_rows:
         out.print(f"... {table.num_rows - shown.num_rows:,} more rows")
+    if fitting < len(names):
+        hidden = len(names) - fitting
+        out.print(
+            f"{hidden} more columns do not fit here; --csv, --json and --parquet have all, and"
+        )
+        out.print(f"SELECT chooses among them: {', '.join(names[fitting:])}")
+
+
+def _fitting(names: Sequence[str], cells: Sequence[Sequence[str]], width: int) -> int:
+    """Return how many columns, from the left and at least one, fit side by side."""
+    used = 1
+    for count, (name, column) in enumerate(zip(names, cells, strict=True)):
+        widest = max(map(cell_len, (name, *column)))
+        used += min(widest, TEXT_WIDTH) + CELL_FRAME
+        if used > width:
+            return max(count, 1)
+    return len(names)
+
+
+def _add_column(grid: Table, name: str, *, numeric: bool) -> None:
+    if numeric:
+        grid.add_column(name, justify="right", no_wrap=True)
+    else:
+        grid.add_column(name, max_width=TEXT_WIDTH, overflow="fold")
+
+
+def _print_grid(grid: Table) -> None:
+    (out if out.is_terminal else _log_tables).print(grid, crop=False)
 
 
 def _cell(value: object) -> str:
@@ -72,7 +108,7 @@ def print_rows(title: str, header: Sequence[str], rows: Sequence[Sequence[object
         grid.add_column(name, justify="right" if numeric else "left", no_wrap=True)
     for row in rows:
         grid.add_row(*(safe(value) for value in row))
-    out.print(grid, crop=False)
+    _print_grid(grid)
 
 
 def _is_number(value: object) -> bool:

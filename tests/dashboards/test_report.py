@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from dashboards.charts import errors_chart
 from dashboards.report import embedded, interval, metres, number, percent, shown, write_report
 from dashboards.report_data import read_report_data, rounded
 from pipeline.cli import main
@@ -131,6 +132,15 @@ def test_a_chart_cannot_end_its_script() -> None:
     assert "<" not in text
     assert "\u2028" not in text
     assert json.loads(text) == {"a": "</script><b>\u2028"}
+
+
+def test_an_interval_below_zero_does_not_empty_an_axis_of_logarithms() -> None:
+    near = {"method": "fused", "true_depth_m": 1.0, "depth_m": 1.1, "depth_low_m": 0.9}
+    far = {"method": "size", "true_depth_m": 40.0, "depth_m": 44.0, "depth_low_m": -20.0}
+    chart = errors_chart([near, far], by_method=[]).to_dict()
+    drawn = chart["vconcat"][0]["hconcat"][0]["layer"][1]["data"]["values"]
+    assert [row["method"] for row in drawn] == ["size", "fused"]
+    assert [row["depth_low_m"] for row in drawn] == [4.0, 0.9]
 
 
 @pytest.mark.browser
