@@ -27,6 +27,7 @@ from pipeline.measure import Seen, observe
 from pipeline.optics.exposure import exposure_value_100, scene_luminance_cd_m2
 from pipeline.picture import Picture, decode
 from pipeline.progress import Progress, Report, silent
+from pipeline.raw_image import compressed
 from pipeline.records import (
     CAMERAS,
     FRAMES,
@@ -76,11 +77,11 @@ class CameraStage:
     def ready(self, frame: Frame) -> list[Frame]:
         """Return the frames that can go on: none while the detector's learning time lasts.
 
-        What waits is still encoded, so it is small; pictures for learning are decoded from it.
+        What waits is encoded, so it is small; pictures for learning are decoded from it.
         """
         if not self.learning:
             return [frame]
-        self._waiting.append(frame)
+        self._waiting.append(compressed(frame))
         waited_s = (frame.capture_time_ns - self._waiting[0].capture_time_ns) / 1e9
         held = sum(len(f.image) for f in self._waiting[-1:]) * len(self._waiting)
         if waited_s < self.detector.learning_s and held < LEARNING_BYTES:
@@ -179,7 +180,7 @@ class FirstPass:
     def _decode(self, frame: Frame) -> Picture:
         full = self.stages[frame.camera].detector.full_resolution
         max_pixels = self.config.limits.image_pixels
-        return decode(frame.image, max_pixels=max_pixels, full_resolution=full)
+        return decode(frame.image, max_pixels=max_pixels, full_resolution=full, layout=frame.layout)
 
     def _decoded(self, pool: Executor) -> Iterator[Decoded]:
         """Yield frames in order with their pictures, decoded in threads a few frames ahead."""

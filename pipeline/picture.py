@@ -16,6 +16,8 @@ import numpy.typing as npt
 
 from pipeline.errors import UndecodableImage
 from pipeline.optics.exposure import LUMINANCE_WEIGHTS, srgb_to_linear
+from pipeline.raw_image import decode_raw
+from pipeline.records import RawLayout
 
 Image = npt.NDArray[np.uint8]
 
@@ -45,19 +47,34 @@ class Picture:
     clipped_fraction: float
 
 
-def decode(image: bytes, *, max_pixels: int, full_resolution: bool = False) -> Picture:
-    """Decode a JPEG, PNG or WebP picture.
+def decode(
+    image: bytes,
+    *,
+    max_pixels: int,
+    full_resolution: bool = False,
+    layout: RawLayout | None = None,
+) -> Picture:
+    """Decode a JPEG, PNG or WebP picture, or bare pixels where their layout is given.
 
     Raises:
         UndecodableImage: the bytes are no picture, or one larger than `max_pixels`.
     """
-    stated = image_size(image)
+    stated = image_size(image) if layout is None else (layout.width_px, layout.height_px)
     if stated is None:
         raise UndecodableImage(f"{len(image)} bytes are no JPEG, PNG or WebP picture")
     width_px, height_px = stated
     if width_px * height_px > max_pixels or min(stated) < 1:
         raise UndecodableImage(f"{width_px} x {height_px} pixels, the limit is {max_pixels:,}")
     reduction = 1 if full_resolution else _reduction(width_px, height_px)
+    if layout is None:
+        bgr = _decompress(image, reduction)
+    else:
+        bgr = decode_raw(image, layout, reduction)
+    luminance, clipped = _brightness(bgr)
+    return Picture(width_px, height_px, bgr, reduction, luminance, clipped)
+
+
+def _decompress(image: bytes, reduction: int) -> Image:
     try:
         flag = _FLAGS[reduction] | cv2.IMREAD_IGNORE_ORIENTATION
         bgr = cv2.imdecode(np.frombuffer(image, dtype=np.uint8), flag)
@@ -65,8 +82,7 @@ def decode(image: bytes, *, max_pixels: int, full_resolution: bool = False) -> P
         raise UndecodableImage(f"OpenCV: {error.err or error}") from error
     if bgr is None:
         raise UndecodableImage("the picture's data are damaged")
-    luminance, clipped = _brightness(bgr)
-    return Picture(width_px, height_px, bgr, reduction, luminance, clipped)
+    return np.asarray(bgr, dtype=np.uint8)
 
 
 def image_size(image: bytes) -> tuple[int, int] | None:

@@ -30,6 +30,7 @@ class Pairing(StrEnum):
 
     NEAREST = "nearest"  # an exposure within the tolerance
     LAST_KNOWN = "last_known"  # none within the tolerance; the last one before the frame
+    EMBEDDED = "embedded"  # no message; the picture's own EXIF
     NONE = "none"  # the recording has no exposure at or before the frame
 
 
@@ -133,8 +134,23 @@ class TrueObject:
 
 
 @dataclass(frozen=True, slots=True)
+class RawLayout:
+    """How bare pixels lie in their bytes; `encoding` is ROS' or Foxglove's name, or i420."""
+
+    encoding: str
+    width_px: int
+    height_px: int
+    step_bytes: int = 0  # from one row to the next; 0: no padding
+    big_endian: bool = False
+    bits: int = 16  # used ones, where samples are 16 bits wide
+
+
+@dataclass(frozen=True, slots=True)
 class Frame:
-    """One picture of one camera, still encoded, with all that belongs to its time."""
+    """One picture of one camera, still encoded, with all that belongs to its time.
+
+    Where `layout` is given, the picture is bare pixels, and not a JPEG, PNG or WebP.
+    """
 
     camera: str
     frame_index: int
@@ -150,6 +166,7 @@ class Frame:
     truth: tuple[TrueObject, ...]
     topic: str
     byte_offset: int
+    layout: RawLayout | None = None
 
 
 class Severity(StrEnum):

@@ -29,6 +29,7 @@ from pipeline.first_pass import measure_recording
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.mcap_records import McapFile
 from pipeline.progress import Progress, Report, silent
+from pipeline.raw_image import compressed
 from pipeline.records import PASS_ONE, Diagnostic, Severity
 from pipeline.second_pass import estimate_recording
 from pipeline.store.database import RecordingRow, Store
@@ -208,7 +209,7 @@ def write_timeline_of(
     file = McapFile(outcome.path, config.limits, notes.add)
     images = (
         StillEncoded(f.camera, f.frame_index, f.capture_time_ns, f.image_format, f.image)
-        for f in FrameAssembler(file, config.ingest, notes)
+        for f in map(compressed, FrameAssembler(file, config.ingest, notes))
     )
     path = folder / f"{outcome.path.stem}.rrd"
     write_timeline(path, store.read("recordings", recording_id).to_pylist()[0], images, tables)

@@ -45,6 +45,8 @@ class ChannelInfo(NamedTuple):
     message_encoding: str
     schema_name: str
     schema_encoding: str
+    schema_data: bytes = b""
+    metadata: tuple[tuple[str, str], ...] = ()
 
 
 class RawMessage(NamedTuple):
@@ -55,6 +57,8 @@ class RawMessage(NamedTuple):
     log_time_ns: int
     data: bytes
     byte_offset: int
+    publish_time_ns: int = 0
+    sequence: int = 0
 
 
 class _Damage(Exception):
@@ -186,17 +190,20 @@ class McapFile:
             channel.message_encoding,
             schema.name if schema else "",
             schema.encoding if schema else "",
+            schema.data if schema else b"",
+            tuple(channel.metadata.items()),
         )
 
     def _message(self, body: bytes, offset: int) -> Iterator[RawMessage]:
         if len(body) < _MESSAGE_HEAD.size:
             raise _Damage(f"a message of {len(body)} bytes")
-        channel_id, _, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(body)
+        channel_id, sequence, log_time_ns, publish_time_ns = _MESSAGE_HEAD.unpack_from(body)
         channel = self.channels.get(channel_id)
         if channel is None:
             raise _Damage(f"a message of channel {channel_id}, which the file does not declare")
         self.message_counts[channel_id] = self.message_counts.get(channel_id, 0) + 1
-        yield RawMessage(channel_id, channel, log_time_ns, body[_MESSAGE_HEAD.size :], offset)
+        data = body[_MESSAGE_HEAD.size :]
+        yield RawMessage(channel_id, channel, log_time_ns, data, offset, publish_time_ns, sequence)
 
     def _chunk(self, body: bytes, offset: int) -> Iterator[RawMessage]:
         chunk = _parse(Chunk, body)

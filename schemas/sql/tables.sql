@@ -131,7 +131,7 @@ COMMENT ON COLUMN frames.image_bytes IS 'Size of the encoded picture.';
 COMMENT ON COLUMN frames.width_px IS 'Width of the stored picture.';
 COMMENT ON COLUMN frames.height_px IS 'Height of the stored picture.';
 COMMENT ON COLUMN frames.decoded IS 'Whether the picture could be decoded.';
-COMMENT ON COLUMN frames.exposure_pairing IS 'nearest (within the tolerance), last_known (before the frame), or none.';
+COMMENT ON COLUMN frames.exposure_pairing IS 'nearest (within the tolerance), last_known (before the frame), embedded (EXIF in the picture itself), or none.';
 COMMENT ON COLUMN frames.exposure_offset_ns IS 'Time of the exposure message less that of the frame.';
 COMMENT ON COLUMN frames.exposure_time_s IS 'Exposure time (shutter speed).';
 COMMENT ON COLUMN frames.f_number IS 'f-number: focal length over aperture diameter.';
