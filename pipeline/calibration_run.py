@@ -12,13 +12,18 @@ import pyarrow as pa
 
 from pipeline import __version__
 from pipeline.calibrate.camera_file import write_camera_file
-from pipeline.calibrate.from_truth import calibrate_from_truth
+from pipeline.calibrate.from_truth import (
+    calibrate_from_truth,
+    prior_as_calibration,
+    says_nothing,
+    size_priors_from_truth,
+)
 from pipeline.calibrate.truth_table import truth_table
 from pipeline.calibrate.walkers import NOTHING_KNOWN, Known, calibrate_from_walkers
-from pipeline.config import CameraConfig, Config
+from pipeline.config import CameraConfig, Config, SizePrior
 from pipeline.errors import CalibrationUndetermined, StoreError, UsageError, Where
 from pipeline.estimate.combine import calibrations_table, measured_by_camera
-from pipeline.records import Calibration, Dimension, GroundPlane, Method
+from pipeline.records import Calibration, GroundPlane, Method
 from pipeline.run import describe, library_versions
 from pipeline.store.database import Store
 
@@ -34,9 +39,23 @@ class TruthOptions:
     exclude: frozenset[str] = frozenset()  # object ids whose rows are known to be wrong
 
 
+@dataclass(frozen=True, slots=True)
+class FittedToTruth:
+    """What truth gave: calibrations and size priors to use, and fits that say nothing."""
+
+    calibrations: list[Calibration]
+    priors: list[SizePrior]
+    refused: list[Calibration]
+
+    @property
+    def rows(self) -> list[Calibration]:
+        """All that is kept, as the table `calibrations` takes it."""
+        return [*self.calibrations, *map(prior_as_calibration, self.priors)]
+
+
 def calibrate_stored_truth(
     database: Path, camera_file: Path, config: Config, options: TruthOptions
-) -> list[Calibration]:
+) -> FittedToTruth:
     """Fit calibrations to all stored recordings with truth; write them to the file and the store.
 
     Raises:
@@ -63,16 +82,22 @@ def calibrate_stored_truth(
             folds=options.folds,
             seed=options.seed,
         )
-        if not found:
+        refused = [c for c in found if says_nothing(c, table)]
+        kept = [c for c in found if c not in refused]
+        fitted = FittedToTruth(kept, size_priors_from_truth(table), refused)
+        if not fitted.rows:
             raise CalibrationUndetermined(
-                "the truth has too few rows for any calibration", where=Where(database)
+                "no fit predicts left-out depths better than their mean", where=Where(database)
             )
-        write_camera_file(camera_file, replace(config, calibration=tuple(found)))
+        sampled = {(p.object_class, p.dimension) for p in fitted.priors}
+        others = [p for p in config.size_prior if (p.object_class, p.dimension) not in sampled]
+        priors = (*fitted.priors, *others)
+        write_camera_file(camera_file, replace(config, calibration=tuple(kept), size_prior=priors))
         run_id = _start(store, config)
         with store.transaction():
-            store.add_calibrations(calibrations_table(found), run_id)
+            store.add_calibrations(calibrations_table(fitted.rows), run_id)
         store.finish_run(run_id)
-    return found
+    return fitted
 
 
 def calibrate_stored_walkers(
@@ -87,7 +112,12 @@ def calibrate_stored_walkers(
         UsageError: something is known, but there are several recordings or cameras, so that the number
             of a track or a pixel says nothing; or it makes no sense.
     """
-    prior = next(p for p in config.size_prior if p.dimension is Dimension.HEIGHT)
+    prior = config.stature
+    if prior is None:
+        raise CalibrationUndetermined(
+            "the camera file has no size_prior on the height of those who walk",
+            remedy="Add one, or leave out size_prior for that of adults",
+        )
     results: list[tuple[str, GroundPlane | CalibrationUndetermined]] = []
     cameras: list[CameraConfig] = []
     with _writable(database) as store:

@@ -101,6 +101,7 @@ class SizePrior:
     mean_m: float
     std_m: float
     source: str = ""
+    object_count: int = 0  # of which mean and spread were taken; 0: not a sample
 
 
 # Adult stature in the world's countries lies about 1.59 (women) and 1.71 m (men) with a spread of
@@ -158,6 +159,13 @@ class Config:
     camera: tuple[CameraConfig, ...] = ()
     size_prior: tuple[SizePrior, ...] = (ADULT,)
     calibration: tuple[Calibration, ...] = ()
+
+    @property
+    def stature(self) -> SizePrior | None:
+        """The prior on the height of who walks: that of people, else the first on any height."""
+        heights = [p for p in self.size_prior if p.dimension is Dimension.HEIGHT]
+        people = [p for p in heights if p.object_class == ADULT.object_class]
+        return next(iter(people + heights), None)
 
     def camera_named(self, name: str) -> CameraConfig:
         """Return the entry of a camera, or an empty one."""

@@ -14,7 +14,7 @@ from pipeline.config import CameraConfig, Config
 from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate.columns import Measured
 from pipeline.estimate.combine import estimate, measured_by_camera
-from pipeline.records import Diagnostic, Dimension, GroundPlane, Severity
+from pipeline.records import Diagnostic, GroundPlane, Severity
 from pipeline.store.database import Store
 
 
@@ -47,7 +47,7 @@ def _pose(measured: Measured, config: Config, notes: list[Diagnostic]) -> Ground
     given = given_pose(config.camera_named(measured.camera))
     if given is not None or measured.intrinsics is None:
         return given
-    prior = next((p for p in config.size_prior if p.dimension is Dimension.HEIGHT), None)
+    prior = config.stature
     if prior is None or not (measured.class_name == prior.object_class).any():
         return None
     try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.console import err, out, print_rows, safe
 from pipeline.errors import CalibrationUndetermined
@@ -12,6 +13,9 @@ from pipeline.ingest.survey import CameraSurvey, Survey
 from pipeline.records import Calibration, GroundPlane, Pairing, Severity
 from pipeline.run import RunResult
 from pipeline.store.database import Store
+
+if TYPE_CHECKING:
+    from pipeline.calibration_run import FittedToTruth
 
 
 def print_run(result: RunResult, database: Path) -> None:
@@ -156,10 +160,10 @@ def _print_camera(camera: CameraSurvey) -> None:
         out.print(f"  missing: {sentence}", style="yellow", soft_wrap=True)
 
 
-def print_calibrations(found: Sequence[Calibration]) -> int:
-    """Print fitted parameters with standard errors, and errors in and out of sample."""
+def print_calibrations(fitted: FittedToTruth) -> int:
+    """Print fitted parameters with standard errors, errors in and out of sample, what is refused."""
     rows = []
-    for c in found:
+    for c in fitted.rows:
         for p in c.parameters:
             at = "" if math.isnan(p.f_number) else f"f/{p.f_number:g}"
             std = "" if math.isnan(p.std_error) else f"± {p.std_error:.2g}"
@@ -168,19 +172,27 @@ def print_calibrations(found: Sequence[Calibration]) -> int:
             )
     header = ("camera", "class", "side", "method", "parameter", "at", "value", "std error")
     print_rows("Fitted", header, rows)
-    quality = [
-        [
-            c.method,
-            f"{c.observation_count:,}",
-            f"{c.depth_min_m:.2f}-{c.depth_max_m:.2f}",
-            *(f"{100 * v:.2f}" for v in (c.fit_rmse_m, c.loo_rmse_m, c.kfold_rmse_m)),
-            c.source,
-        ]
-        for c in found
+    names = ("camera", "class", "method", "rows", "range m", *_IN_AND_OUT, "source")
+    print_rows("Errors", names, [_errors_row(c) for c in fitted.calibrations])
+    if fitted.refused:
+        title = "Not written: left-out depths are predicted no better than by their mean"
+        print_rows(title, names, [_errors_row(c) for c in fitted.refused])
+    return len(fitted.rows)
+
+
+_IN_AND_OUT = ("fit RMSE cm", "leave-one-out cm", "k-fold cm")
+
+
+def _errors_row(c: Calibration) -> list[str]:
+    return [
+        c.camera,
+        c.object_class,
+        c.method,
+        f"{c.observation_count:,}",
+        f"{c.depth_min_m:.2f}-{c.depth_max_m:.2f}",
+        *(f"{100 * v:.2f}" for v in (c.fit_rmse_m, c.loo_rmse_m, c.kfold_rmse_m)),
+        c.source,
     ]
-    names = ("method", "rows", "range m", "fit RMSE cm", "leave-one-out cm", "k-fold cm", "source")
-    print_rows("Errors", names, quality)
-    return len(found)
 
 
 def print_poses(

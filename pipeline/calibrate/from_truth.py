@@ -131,7 +131,7 @@ def calibrate_from_truth(
 
 
 def size_priors_from_truth(table: pa.Table, source: str = "truth") -> list[SizePrior]:
-    """Return the mean and spread of the true sizes of each class with two objects or more.
+    """Return the mean and spread of the true sizes of each class with enough objects.
 
     Args:
         table: columns class_name, true_height_m, true_width_m, recording_id and object_id.
@@ -145,11 +145,44 @@ def size_priors_from_truth(table: pa.Table, source: str = "truth") -> list[SizeP
             size_m = _number(table, f"true_{dimension}_m")
             rows = (names == name) & (size_m > 0)
             objects = [float(np.median(size_m[rows & (groups == g)])) for g in set(groups[rows])]
-            if len(objects) >= 2:
-                mean_m, std_m = float(np.mean(objects)), float(np.std(objects, ddof=1))
+            if len(objects) < MIN_ROWS:
+                continue
+            mean_m, std_m = float(np.mean(objects)), float(np.std(objects, ddof=1))
+            if std_m > 0:
                 text = f"{source}: {len(objects)} objects"
-                priors.append(SizePrior(name, dimension, mean_m, std_m, text))
+                priors.append(SizePrior(name, dimension, mean_m, std_m, text, len(objects)))
     return priors
+
+
+def prior_as_calibration(prior: SizePrior) -> Calibration:
+    """Return a prior for the table `calibrations`, with the standard errors of a normal sample."""
+    n = prior.object_count
+    return Calibration(
+        Method.SIZE,
+        prior.object_class,
+        prior.dimension,
+        (
+            Parameter("prior_mean_m", prior.mean_m, prior.std_m / np.sqrt(n)),
+            Parameter("prior_std_m", prior.std_m, prior.std_m / np.sqrt(2 * (n - 1))),
+        ),
+        observation_count=n,
+        source=prior.source,
+    )
+
+
+def says_nothing(calibration: Calibration, table: pa.Table) -> bool:
+    """Whether a calibration predicts left-out depths no better than their mean does.
+
+    Args:
+        calibration: as it was fitted to `table`.
+        table: as `calibrate_from_truth` takes it.
+    """
+    depth_m = _number(table, "true_depth_m")
+    rows = (_text(table, "camera") == calibration.camera) & (
+        _text(table, "class_name") == calibration.object_class
+    )
+    spread_m = float(np.std(depth_m[rows & (depth_m > 0)]))
+    return calibration.loo_rmse_m >= spread_m > 0
 
 
 @dataclass(frozen=True, slots=True)

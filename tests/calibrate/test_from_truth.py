@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from pipeline.calibrate.from_truth import (
     METHODS,
     calibrate_from_truth,
+    prior_as_calibration,
+    says_nothing,
     size_priors_from_truth,
 )
 from pipeline.errors import CalibrationUndetermined
@@ -168,17 +170,39 @@ def test_a_camera_without_f_numbers_has_no_k():
 
 
 def test_size_priors_count_objects_not_frames():
+    heights_m = {"v": 1.6, "x": 1.65, "y": 1.8, "z": 1.75}
     table = pa.table(
         {
-            "camera": ["a"] * 5,
-            "class_name": ["person"] * 4 + ["dog"],
-            "true_height_m": [1.6, 1.6, 1.6, 1.8, 0.5],
-            "recording_id": ["r"] * 5,
-            "object_id": ["x", "x", "x", "y", "z"],
+            "camera": ["a"] * 8,
+            "class_name": ["person"] * 7 + ["dog"],
+            "true_height_m": [*heights_m.values(), 1.6, 1.6, 1.6, 0.5],
+            "recording_id": ["r"] * 8,
+            "object_id": [*heights_m, "v", "v", "v", "w"],
         }
     )
     (prior,) = size_priors_from_truth(table)
     assert prior.object_class == "person"
     assert prior.dimension is Dimension.HEIGHT
     assert prior.mean_m == pytest.approx(1.7)
-    assert prior.std_m == pytest.approx(np.std([1.6, 1.8], ddof=1))
+    assert prior.std_m == pytest.approx(np.std(list(heights_m.values()), ddof=1))
+    assert prior.object_count == 4
+    mean, std = prior_as_calibration(prior).parameters
+    assert mean.std_error == pytest.approx(prior.std_m / 2)
+    assert std.std_error == pytest.approx(prior.std_m / np.sqrt(6))
+
+
+def test_three_objects_are_no_population():
+    table = pa.table({"class_name": ["a"] * 3, "true_height_m": [1.0, 1.1, 1.2]})
+    table = table.append_column("object_id", pa.array(["x", "y", "z"]))
+    assert size_priors_from_truth(table) == []
+
+
+def test_a_fit_that_predicts_no_better_than_the_mean_is_told_apart():
+    table = paper_table()
+    good = by_method(calibrate_from_truth(table))[Method.SIZE]
+    assert not says_nothing(good, table)
+    shuffled = np.random.default_rng(1).permutation(table["true_depth_m"].to_numpy())
+    place = table.column_names.index("true_depth_m")
+    noise = table.set_column(place, "true_depth_m", pa.array(shuffled))
+    bad = by_method(calibrate_from_truth(noise))[Method.SIZE]
+    assert says_nothing(bad, noise)
