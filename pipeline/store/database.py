@@ -25,6 +25,7 @@ from pipeline.errors import StoreError, UsageError, Where
 from pipeline.records import OBSERVATION_QUALITY, PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
 from pipeline.store.catalog import View, views
 from pipeline.store.connection import connect
+from pipeline.store.precision import kept
 from pipeline.store.schema import apply_schema
 
 # What one recording has rows in; deleting these forgets it.
@@ -373,7 +374,7 @@ def _known(table: str) -> str:
     """Return the columns of a table that comes in, NaN made NULL; of estimates, infinity too."""
     test = "isfinite({0})" if table in PASS_TWO else "NOT isnan({0})"
     return ", ".join(
-        f"CASE WHEN {test.format(c.name)} THEN {c.name} END AS {c.name}"
+        f"CASE WHEN {test.format(c.name)} THEN {kept(table, c.name, c.name)} END AS {c.name}"
         if pa.types.is_floating(c.type)
         else c.name
         for c in (PASS_ONE | PASS_TWO)[table]

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.store.database import Store
+from pipeline.store.precision import DECIMALS
 from tests.store.rows import estimate, ingest, recording, start
 
 METHODS = ("size", "ground")
@@ -111,6 +112,7 @@ def _estimates(rng: np.random.Generator, scene: pd.DataFrame, method: str) -> pd
     )
     for name in ("depth_m", "depth_std_m", "height_m", "height_std_m"):
         made.loc[rng.random(n) < 0.05, name] = np.nan
+        made[name] = made[name].round(DECIMALS["estimates"][name])
     return made
 
 

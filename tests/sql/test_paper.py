@@ -83,6 +83,7 @@ def depths(template: Path, tmp_path_factory) -> Iterator[tuple[Store, pd.DataFra
     (folder / "a.duckdb").write_bytes(template.read_bytes())
     table = rows_3_to_7()
     depth = depth_eq16_m(table["size_mm"], FOCAL_MM, table["f_number"], table["k_implied"])
+    depth = depth.round(4)  # as they are kept
     table = table.assign(depth_m=depth)
     with Store.open(folder / "a.duckdb") as store:
         put(
@@ -101,7 +102,8 @@ def test_tables_3_to_7(depths: tuple[Store, pd.DataFrame]) -> None:
     found = store.query("FROM paper.depth_by_aperture").to_pandas().set_index("object_id")
     assert len(found) == 35
     found = found.loc[table["object_id"]].reset_index()
-    np.testing.assert_allclose(found["k"], table["k_implied"], rtol=1e-9)
+    # Depths of half a metre are kept to 0.1 mm, sides of the boxes to a thousandth of a pixel.
+    np.testing.assert_allclose(found["k"], table["k_implied"], rtol=2e-4)
     np.testing.assert_allclose(found["true_depth_m"], table["true_depth_m"])
     np.testing.assert_allclose(found["object_size_mm"], table["size_mm"])
     np.testing.assert_allclose(found["object_size_px"], table["object_width_px"] * SCALE)

@@ -36,7 +36,8 @@ def fill(store: Store, folder: Path, name: str = "a.mcap") -> tuple[str, str]:
 
 def errors(rng: np.random.Generator, size: float) -> np.ndarray:
     """Errors that a track's frames share in part."""
-    return rng.normal(0, size, TRACKS)[TRACK] + rng.normal(0, size, COUNT)
+    error = rng.normal(0, size, TRACKS)[TRACK] + rng.normal(0, size, COUNT)
+    return (TRUTH + error).round(4) - TRUTH  # depths are kept to 0.1 mm
 
 
 def put(store: Store, key: str, run_id: str, error: np.ndarray) -> None:
