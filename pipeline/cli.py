@@ -85,6 +85,7 @@ def _add_run(commands: Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument("--model-family", metavar="NAME", help="where its outputs fit several")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
     parser.add_argument("--label", help="a name for this run, to compare it with others")
+    parser.add_argument("--profile", action="store_true", help="print what each stage took")
     parser.set_defaults(function=_run)
 
 
@@ -94,7 +95,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from pipeline.config import load_config
     from pipeline.console import progress_lines
     from pipeline.run import run
-    from pipeline.summary import print_run
+    from pipeline.summary import print_profile, print_run
 
     if arguments.workers < 1:
         raise UsageError("--workers must be at least 1")
@@ -111,6 +112,8 @@ def _run(arguments: argparse.Namespace) -> int:
             report=report,
         )
     print_run(result, arguments.db)
+    if arguments.profile:
+        print_profile(result)
     return _code_of(result.stored, result.failed, result.damaged)
 
 

@@ -134,6 +134,11 @@ def progress_lines() -> Iterator[Report]:
         yield _Bars(bars)
 
 
+def _doing(progress: Progress) -> str:
+    """Return what is being done, and what of it takes longest: "measure (mostly decode)"."""
+    return f"{progress.stage} (mostly {progress.slowest})" if progress.slowest else progress.stage
+
+
 class _Bars:
     def __init__(self, bars: Bars) -> None:
         self._bars = bars
@@ -149,7 +154,7 @@ class _Bars:
         self._bars.update(
             task,
             completed=progress.fraction,
-            description=f"{safe(name)}: {progress.stage}",
+            description=f"{safe(name)}: {_doing(progress)}",
             frames=progress.frames,
             rate=rate,
         )
@@ -169,7 +174,7 @@ class _PlainLines:
         if stage == progress.stage and now - last < PLAIN_LINE_EVERY_S:
             return
         self._last[progress.file_name] = (progress.stage, now)
-        line = f"{safe(progress.file_name)}: {progress.stage}, {progress.frames:,} frames"
+        line = f"{safe(progress.file_name)}: {_doing(progress)}, {progress.frames:,} frames"
         elapsed_s = now - started
         if elapsed_s > 1.0:
             line += f", {progress.frames / elapsed_s:,.0f}/s"

@@ -37,6 +37,7 @@ from pipeline.records import (
     Intrinsics,
     Severity,
 )
+from pipeline.stages import Spent, StageTimes, Stopwatch
 from pipeline.store.database import RecordingRow
 from pipeline.store.parts import PartWriter, as_table
 from pipeline.track import Tracker
@@ -57,6 +58,13 @@ class Decoded(NamedTuple):
 
     frame: Frame
     picture: Picture | None
+
+
+class Timed(NamedTuple):
+    """A picture and what it took to decode it."""
+
+    picture: Picture
+    spent: Spent
 
 
 class CameraStage:
@@ -94,11 +102,13 @@ class CameraStage:
         waiting, self._waiting = self._waiting, []
         return waiting
 
-    def follow(self, item: Decoded) -> Seen:
+    def follow(self, item: Decoded, times: StageTimes) -> Seen:
         """Detect and track in one frame; frames must come in order."""
         frame, picture = item
-        boxes = self.detector.detect(frame, picture)
-        ids = self.tracker.update(frame.capture_time_ns, frame.frame_index, boxes)
+        with times.stage("detect"):
+            boxes = self.detector.detect(frame, picture)
+        with times.stage("track"):
+            ids = self.tracker.update(frame.capture_time_ns, frame.frame_index, boxes)
         return Seen(frame, picture, boxes, ids)
 
 
@@ -106,7 +116,13 @@ class FirstPass:
     """One recording on its way through pass 1."""
 
     def __init__(
-        self, path: Path, config: Config, parts: Path, threads: int, report: Report
+        self,
+        path: Path,
+        config: Config,
+        parts: Path,
+        threads: int,
+        report: Report,
+        times: StageTimes,
     ) -> None:
         self.path = path
         self.config = config
@@ -123,6 +139,8 @@ class FirstPass:
         self.threads = threads
         self.parts_folder = parts
         self.report = report
+        self.times = times
+        times.threads["decode"] = threads
 
     def run(self) -> RecordingRow:
         """Read, decode, detect, track and measure; return what is known of the recording."""
@@ -130,7 +148,7 @@ class FirstPass:
         cv2.setNumThreads(1)
         with PartWriter(self.parts_folder) as parts, ThreadPoolExecutor(self.threads) as pool:
             for item in self._decoded(pool):
-                self.batch.append(self.stages[item.frame.camera].follow(item))
+                self.batch.append(self.stages[item.frame.camera].follow(item, self.times))
                 if len(self.batch) >= BATCH_FRAMES:
                     self._write_batch(parts)
             self._write_batch(parts)
@@ -152,7 +170,7 @@ class FirstPass:
 
     def _frames(self, pool: Executor) -> Iterator[Frame]:
         """Yield frames whose camera's detector is ready for them."""
-        for frame in self.assembler:
+        for frame in self.times.each("read", self.assembler):
             stage = self.stages.get(frame.camera)
             if stage is None:
                 recorded = self.assembler.has_detections(frame.camera)
@@ -167,24 +185,29 @@ class FirstPass:
         if len(frames) > 1:
             spread = np.linspace(0, len(frames) - 1, min(LEARNING_PICTURES, len(frames)))
             sample = [frames[round(i)] for i in spread]
-            pictures = list(pool.map(self._try_decode, sample))
-            stage.detector.learn([p for p in pictures if p is not None])
+            with self.times.stage("learn"):
+                pictures = list(pool.map(self._try_decode, sample))
+                stage.detector.learn([p for p in pictures if p is not None])
         return frames
 
     def _try_decode(self, frame: Frame) -> Picture | None:
         try:
-            return self._decode(frame)
+            return self._decode(frame).picture
         except UndecodableImage:
             return None  # it is reported when its turn comes
 
-    def _decode(self, frame: Frame) -> Picture:
+    def _decode(self, frame: Frame) -> Timed:
         full = self.stages[frame.camera].detector.full_resolution
         max_pixels = self.config.limits.image_pixels
-        return decode(frame.image, max_pixels=max_pixels, full_resolution=full, layout=frame.layout)
+        with Stopwatch() as watch:
+            picture = decode(
+                frame.image, max_pixels=max_pixels, full_resolution=full, layout=frame.layout
+            )
+        return Timed(picture, watch.spent)
 
     def _decoded(self, pool: Executor) -> Iterator[Decoded]:
         """Yield frames in order with their pictures, decoded in threads a few frames ahead."""
-        ahead: deque[tuple[Frame, Future[Picture]]] = deque()
+        ahead: deque[tuple[Frame, Future[Timed]]] = deque()
         for frame in self._frames(pool):
             ahead.append((frame, pool.submit(self._decode, frame)))
             if len(ahead) > 2 * self.threads + 2:
@@ -192,9 +215,12 @@ class FirstPass:
         while ahead:
             yield self._result(*ahead.popleft())
 
-    def _result(self, frame: Frame, future: Future[Picture]) -> Decoded:
+    def _result(self, frame: Frame, future: Future[Timed]) -> Decoded:
         try:
-            return Decoded(frame, future.result())
+            with self.times.stage("wait for decode"):
+                picture, spent = future.result()
+            self.times.add("decode", spent)
+            return Decoded(frame, picture)
         except UndecodableImage as error:
             self.undecodable += 1
             self.notes.add(
@@ -214,6 +240,13 @@ class FirstPass:
         batch, self.batch = self.batch, []
         if not batch:
             return
+        with self.times.stage("measure"):
+            self._write_rows(batch, parts)
+        fraction = min(batch[-1].frame.byte_offset / max(self.file.size_bytes, 1), 1.0)
+        slowest = self.times.slowest
+        self.report(Progress(self.path.name, "measure", self.frame_count, fraction, slowest))
+
+    def _write_rows(self, batch: list[Seen], parts: PartWriter) -> None:
         parts.write("frames", _with_light([self._frame_row(seen) for seen in batch]))
         parts.write("ground_truth", _truth_rows([seen.frame for seen in batch]))
         detectors = {name: stage.detector.name for name, stage in self.stages.items()}
@@ -224,8 +257,6 @@ class FirstPass:
         known = [t for t in (self.start_time_ns, self.end_time_ns) if t is not None]
         self.start_time_ns, self.end_time_ns = min(times_ns + known), max(times_ns + known)
         self.frame_count += len(batch)
-        fraction = min(batch[-1].frame.byte_offset / max(self.file.size_bytes, 1), 1.0)
-        self.report(Progress(self.path.name, "measure", self.frame_count, fraction))
 
     def _frame_row(self, seen: Seen) -> dict[str, object]:
         frame, picture, exposure = seen.frame, seen.picture, seen.frame.exposure
@@ -326,14 +357,29 @@ class FirstPass:
 
 
 def measure_recording(
-    path: Path, config: Config, parts: Path, *, threads: int = 2, report: Report = silent
+    path: Path,
+    config: Config,
+    parts: Path,
+    *,
+    threads: int = 2,
+    report: Report = silent,
+    times: StageTimes | None = None,
 ) -> RecordingRow:
     """Run pass 1 over a recording; its tables are written to the folder `parts`.
+
+    Args:
+        path: the recording.
+        config: how to work it.
+        parts: a folder, created if need be.
+        threads: how many decode pictures.
+        report: is told how far it is.
+        times: is added to, stage by stage.
 
     Raises:
         NotARecording: the file is empty, or is no MCAP.
     """
-    return FirstPass(path, config, parts, threads, report).run()
+    times = StageTimes() if times is None else times
+    return FirstPass(path, config, parts, threads, report, times).run()
 
 
 def _with_light(rows: list[dict[str, object]]) -> pa.Table:

@@ -13,6 +13,7 @@ class Progress(NamedTuple):
     stage: str  # "measure", "estimate", "timeline", "done"
     frames: int
     fraction: float  # of the file's bytes, 0..1
+    slowest: str = ""  # what takes most of the time so far, if that is known
 
 
 Report = Callable[[Progress], None]

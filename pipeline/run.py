@@ -32,6 +32,7 @@ from pipeline.progress import Progress, Report, silent
 from pipeline.raw_image import compressed
 from pipeline.records import PASS_ONE, Diagnostic, Severity
 from pipeline.second_pass import estimate_recording
+from pipeline.stages import StageTimes
 from pipeline.store.database import RecordingRow, Store
 
 LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "rerun-sdk", "scipy")
@@ -46,6 +47,7 @@ class Outcome:
     recording: RecordingRow | None = None
     timeline: Path | None = None
     error: StadimeterError | None = None
+    times: StageTimes = field(default_factory=StageTimes)
 
 
 @dataclass(slots=True)
@@ -95,7 +97,8 @@ def run(
             _store(store, run_id, outcome, folder, config, report)
             shutil.rmtree(folder, ignore_errors=True)
             if timelines is not None and outcome.recording is not None:
-                outcome.timeline = write_timeline_of(store, outcome, timelines, config, report)
+                with outcome.times.stage("timeline"):
+                    outcome.timeline = write_timeline_of(store, outcome, timelines, config, report)
             if outcome.recording is not None:
                 frames = outcome.recording.frame_count
                 report(Progress(outcome.path.name, "done", frames, 1.0))
@@ -168,14 +171,17 @@ def _measure_in_process(path: Path, config: Config, folder: Path, queue: Any) ->
 
 
 def _measure(path: Path, config: Config, folder: Path, *, threads: int, report: Report) -> Outcome:
+    outcome = Outcome(path)
     try:
-        row = measure_recording(path, config, folder, threads=threads, report=report)
+        outcome.recording = measure_recording(
+            path, config, folder, threads=threads, report=report, times=outcome.times
+        )
     except StadimeterError as error:
-        return Outcome(path, error=error)
+        outcome.error = error
     except OSError as error:
         problem = f"cannot be read: {error.strerror or error}"
-        return Outcome(path, error=StadimeterError(f"{path} {problem}"))
-    return Outcome(path, recording=row)
+        outcome.error = StadimeterError(f"{path} {problem}")
+    return outcome
 
 
 def _store(
@@ -189,8 +195,10 @@ def _store(
         return
     report(Progress(outcome.path.name, "estimate", outcome.recording.frame_count, 1.0))
     with store.transaction():
-        recording_id = store.ingest(outcome.recording, folder, run_id)
-        estimate_recording(store, recording_id, run_id, outcome.path.name, config)
+        with outcome.times.stage("store"):
+            recording_id = store.ingest(outcome.recording, folder, run_id)
+        with outcome.times.stage("estimate"):
+            estimate_recording(store, recording_id, run_id, outcome.path.name, config)
 
 
 def write_timeline_of(

@@ -44,6 +44,26 @@ def print_run(result: RunResult, database: Path) -> None:
             out.print(f"timeline  {safe(outcome.timeline)}", soft_wrap=True)
 
 
+def print_profile(result: RunResult) -> None:
+    """Print what each stage took a frame, of each recording: elapsed, and of a processor."""
+    for outcome in result.stored:
+        times, row = outcome.times, outcome.recording
+        frames = max(row.frame_count, 1) if row else 1
+        rows = []
+        for stage, spent in times.spent.items():
+            threads = times.threads.get(stage, 1)
+            rows.append(
+                [
+                    stage + (f" ({threads} threads)" if threads > 1 else ""),
+                    f"{spent.elapsed_s / frames * 1e3:.3f}",
+                    f"{spent.cpu_s / frames * 1e3:.3f}",
+                    f"{spent.elapsed_s:.2f}",
+                ]
+            )
+        title = f"Stages of {outcome.path.name}: {frames:,} frames, mostly {times.slowest}"
+        print_rows(title, ("stage", "ms a frame", "of a processor", "s in all"), rows)
+
+
 def print_damage(store: Store, run_id: str) -> None:
     """Print the first diagnostics of a run that say what was lost."""
     found = store.query(

@@ -31,9 +31,11 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
         '[[camera]]\nname = "cam"\ncamera_height_m = 1.5\ntilt_deg = 0.0\n'
     )
     done = stadimeter(
-        "run", "people.mcap", "--db", "x.duckdb", "--camera", "level.toml", cwd=folder
+        "run", "people.mcap", "--db", "x.duckdb", "--camera", "level.toml", "--profile", cwd=folder
     )
     assert done.returncode == 0, done.stderr
+    for stage in ("read", "decode (2 threads)", "detect", "track", "measure", "store", "estimate"):
+        assert stage in done.stdout
     assert "people.mcap" in done.stdout
     assert "x.duckdb" in done.stdout
     return folder
