@@ -1,4 +1,8 @@
-"""How the timeline opens: the picture large, curves below it, the scene and the texts beside it."""
+"""How the timeline opens.
+
+The picture and the texts on the left, as wide as the picture needs; on the right, on one time axis,
+the scene, the curves (a tab each method, errors, exposure) and the lanes of states.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint.components import LinkAxis
 
 from dashboards.columns import BEST, CameraRows
-from dashboards.curves import CURVES_SHOWN, EXPOSURE, exposure_curves, longest_tracks
+from dashboards.curves import height_in_plots, in_plots
+from dashboards.errors import worst_errors
+from dashboards.exposure import EXPOSURE, exposure_curves
+from dashboards.lanes import lane_count
+from dashboards.layout import PICTURE_SHARE, TITLE_PX, WINDOW_PX, left_share
 from dashboards.names import path, title
 from dashboards.scene import TRAILS, Pose, lens_known
 from dashboards.stream import FRAME, TIME
@@ -19,6 +28,13 @@ from pipeline.records import FloatArray
 APPLICATION = "stadimeter"
 # Spacings of the grid on the ground, in metres; about ten lines to what is seen.
 GRIDS_M = (0.1, 0.5, 1.0, 5.0, 10.0, 50.0)
+SCENE_SHARE = 0.31  # of the height
+LANE_PX, LANES_TOP_PX = 41.0, 60.0
+MOST_LANES_SHARE = 0.25  # of the height; more lanes than fit can be scrolled to
+# From the right and a little from behind, from above; and how much the viewer's eye sees upwards.
+EYE_RAD = (np.radians(-12.0), np.radians(22.0))
+EYE_ANGLE_RAD = np.radians(55.0)
+EYE_MARGIN = 1.12
 Span = tuple[float, float]
 
 
@@ -30,20 +46,28 @@ class CameraView:
     drawn_by: str  # a method, or `best`
     methods: tuple[str, ...]
     pose_known: bool
-    camera_height_m: float
     frame_ns: int  # the time from a frame to the next
-    across_m: tuple[float, float]  # the middle and the far end of where things are
+    camera_height_m: float
+    across_m: tuple[float, float]  # the near and the far end of where things are
     ahead_m: tuple[float, float]
     depth_m: Span | None  # what a plot shows; None: nothing to plot
     height_m: Span | None
+    has_truth: bool
+    has_errors: bool
     exposure: tuple[str, ...]
-    track_count: int
-    as_series: bool  # one curve for all, because nothing is followed
+    lanes: int
+    left_share: float
+    is_series_of_pictures: bool  # nothing is followed
 
     @property
     def middle_m(self) -> float:
         """Return how far away things are, on the whole."""
-        return max(self.ahead_m[0], 0.05)
+        return max(sum(self.ahead_m) / 2, 0.05)
+
+    @property
+    def ruler_m(self) -> float:
+        """Return how far to the right the ruler on the ground lies."""
+        return self.across_m[1] + 0.04 * self.ahead_m[1]
 
 
 def camera_view(rows: CameraRows) -> CameraView:
@@ -51,31 +75,33 @@ def camera_view(rows: CameraRows) -> CameraView:
     best, pose = rows.best, Pose.of(rows.camera)
     rate_hz = rows.frames.rate_hz()
     x_m, y_m = (best.x_m, best.y_m) if lens_known(rows.camera) else (np.empty(0), np.empty(0))
-    plotted = np.isin(rows.observations.track, longest_tracks(rows)[:CURVES_SHOWN])
-    plotted |= rows.is_series_of_pictures
+    plotted = in_plots(rows)
     return CameraView(
         camera=rows.name,
         drawn_by=rows.drawn_by,
         methods=rows.methods,
         pose_known=pose.known,
-        camera_height_m=pose.height_m,
         frame_ns=int(1e9 / rate_hz) if rate_hz else 0,
-        across_m=_spread(x_m, 0.0),
-        ahead_m=_spread(y_m, 1.0),
+        camera_height_m=pose.height_m,
+        across_m=_spread(x_m, (0.0, 0.0)),
+        ahead_m=_spread(y_m, (0.5, 1.0)),
         depth_m=_span(best.depth_m[plotted], rows.truth.depth_m),
-        height_m=_span(best.measured_height_m[plotted], rows.truth.height_m),
+        height_m=_span(height_in_plots(rows, best)[plotted], rows.truth.height_m),
+        has_truth=bool(np.isfinite(rows.truth.depth_m).any()),
+        has_errors=worst_errors(rows) is not None,
         exposure=tuple(exposure_curves(rows.frames)),
-        track_count=len(rows.tracks.track_id),
-        as_series=rows.is_series_of_pictures,
+        lanes=lane_count(rows) + 2,
+        left_share=left_share(rows.camera),
+        is_series_of_pictures=rows.is_series_of_pictures,
     )
 
 
-def _spread(values: FloatArray, default: float) -> tuple[float, float]:
+def _spread(values: FloatArray, default: Span) -> Span:
     known = values[np.isfinite(values)]
     if not len(known):
-        return default, default
-    middle, far = np.quantile(known, [0.5, 0.85]).tolist()
-    return middle, far
+        return default
+    near, far = np.quantile(known, [0.05, 0.95]).tolist()
+    return near, far
 
 
 def _span(values: FloatArray, truth: FloatArray) -> Span | None:
@@ -115,36 +141,44 @@ def blueprint(views: Sequence[CameraView]) -> rrb.Blueprint:
 
 
 def _camera(view: CameraView) -> rrb.Horizontal:
-    left = [_picture(view), *_plots(view)]
-    right = [_scene(view), _texts()]
+    left = rrb.Vertical(_picture(view), _texts(view), row_shares=[PICTURE_SHARE, 1 - PICTURE_SHARE])
+    lanes = min((LANES_TOP_PX + LANE_PX * view.lanes) / WINDOW_PX[1], MOST_LANES_SHARE)
+    plots = _plots(view)
+    right = [_scene(view), *plots, _lanes(view)]
+    shares = [SCENE_SHARE, *[1 - SCENE_SHARE - lanes] * len(plots), lanes]
     return rrb.Horizontal(
-        rrb.Vertical(*left, row_shares=[9, 5][: len(left)]),
-        rrb.Vertical(*right, row_shares=[6, 5]),
-        column_shares=[3, 2],
+        left,
+        rrb.Vertical(*right, row_shares=shares),
+        column_shares=[view.left_share, 1 - view.left_share],
         name=title(view.camera),
     )
 
 
-def _texts() -> rrb.Tabs:
-    return rrb.Tabs(
+def _texts(view: CameraView | None = None) -> rrb.Tabs:
+    texts: list[rrb.View] = [
         rrb.TextDocumentView(origin="tracks", name="Tracks"),
         rrb.TextDocumentView(origin="about", name="About"),
         rrb.TextLogView(origin="diagnostics", name="Diagnostics"),
-        active_tab=0,
-    )
+    ]
+    if view is not None and view.has_errors:
+        worst = path("cameras", view.camera, "worst")
+        texts.append(rrb.TextLogView(origin=worst, name="Worst errors"))
+    return rrb.Tabs(*texts, active_tab=0)
 
 
 def _picture(view: CameraView) -> rrb.Spatial2DView:
+    truth = "; white: truth" if view.has_truth else ""
     return rrb.Spatial2DView(
         origin=path("cameras", view.camera, "camera"),
         contents=["$origin/image", "$origin/truth", "$origin/tracks", "$origin/labels"],
-        name=f"{title(view.camera)}: track, depth, ↕ height (± 95 %)",
+        name=f"{title(view.camera)}: track, depth and ↕ height in m, ± 95 %{truth}",
     )
 
 
 def _scene(view: CameraView) -> rrb.Spatial3DView:
     grid_m = next((g for g in GRIDS_M if g >= view.ahead_m[1] / 10), GRIDS_M[-1])
-    name = f"Ground from the side, grid of {grid_m:g} m" if view.pose_known else "Scene, in metres"
+    truth = "; white outlines: truth" if view.has_truth else ""
+    name = f"On the ground, grid of {grid_m:g} m" if view.pose_known else "Scene, in metres"
     return rrb.Spatial3DView(
         origin=path("cameras", view.camera),
         contents=[
@@ -153,9 +187,10 @@ def _scene(view: CameraView) -> rrb.Spatial3DView:
             "$origin/people",
             "$origin/numbers",
             "$origin/truth",
+            "$origin/ground/**",
             "$origin/trails/**",
         ],
-        name=name,
+        name=name + truth,
         line_grid=rrb.LineGrid3D(visible=view.pose_known, spacing=grid_m),
         eye_controls=_eye(view),
         overrides={
@@ -167,14 +202,42 @@ def _scene(view: CameraView) -> rrb.Spatial3DView:
 
 def _eye(view: CameraView) -> rrb.EyeControls3D:
     """Return an eye to the right of camera and people, so that they stand before it left to right."""
-    across, ahead = view.across_m[0], max(view.ahead_m[1], 0.1)
-    above = 0.38 * ahead if view.pose_known else 0.3 * ahead
+    eye, target = eye_and_target(view)
     return rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=[across + 0.85 * ahead, 0.12 * ahead, above],
-        look_target=[across, 0.52 * ahead, 0.0],
-        eye_up=[0.0, 0.0, 1.0],
+        kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=[0.0, 0.0, 1.0]
     )
+
+
+def eye_and_target(view: CameraView) -> tuple[FloatArray, FloatArray]:
+    """Return where the eye is, and what it looks at: as near as all that matters is in its picture.
+
+    The camera and the space in which things are: each corner p must be within the eye's angles. With
+    the eye at t + d u, looking at t, it is if d >= (p - t) u + |(p - t) r| / tan(angle / 2), for r
+    to the right and upwards.
+    """
+    tall_m = 2.0 if view.pose_known else 0.2 * view.ahead_m[1]
+    edges = ((view.across_m[0], view.ruler_m), view.ahead_m, (0.0, tall_m))
+    space = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = np.vstack([space, [0.0, 0.0, view.camera_height_m]])
+    target = (points.min(axis=0) + points.max(axis=0)) / 2
+    azimuth, elevation = EYE_RAD
+    back = np.array(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    up = np.cross(back, right)
+    apart = points - target
+    tan_up = np.tan(EYE_ANGLE_RAD / 2)
+    width_px = (1 - view.left_share) * WINDOW_PX[0]
+    tan_right = tan_up * width_px / (SCENE_SHARE * WINDOW_PX[1] - TITLE_PX)
+    needed = apart @ back + np.maximum(
+        np.abs(apart @ right) / tan_right, np.abs(apart @ up) / tan_up
+    )
+    return target + EYE_MARGIN * float(needed.max()) * back, target
 
 
 def _back(view: CameraView, newest: int, oldest: int) -> rrb.VisibleTimeRanges:
@@ -192,44 +255,83 @@ def _back(view: CameraView, newest: int, oldest: int) -> rrb.VisibleTimeRanges:
     )
 
 
-def _plots(view: CameraView) -> list[rrb.Container]:
+def _lanes(view: CameraView) -> rrb.StateTimelineView:
+    return rrb.StateTimelineView(
+        origin=path("cameras", view.camera, "lanes"),
+        name="Tracks over time: seen (bright), hidden, predicted; exposure; diagnostics",
+        time_view=_linked(),
+    )
+
+
+def _linked() -> rrb.TimeAxis:
+    """Return a time axis that moves with all others."""
+    return rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
+
+
+def _plots(view: CameraView) -> list[rrb.Tabs]:
     tabs: list[rrb.Container] = []
     best = "best method" if view.drawn_by == BEST else view.drawn_by
-    drawn = _depth_and_height(view, view.drawn_by, best, "Depth and height")
+    drawn = _depth_and_height(view, view.drawn_by, best)
     if drawn is not None:
         tabs.append(drawn)
-    for method in view.methods:
-        if method == view.drawn_by:
-            continue
-        by_method = _depth_and_height(view, method, method, f"by {method}")
-        if by_method is not None:
-            tabs.append(by_method)
+    others = (m for m in view.methods if m != view.drawn_by)
+    tabs += [t for t in (_depth_and_height(view, m, m) for m in others) if t is not None]
+    if view.has_errors:
+        tabs.append(_errors(view))
     if view.exposure:
-        plots = [
-            rrb.TimeSeriesView(
-                origin=path("cameras", view.camera, "exposure", name),
-                name=EXPOSURE[name],
-                plot_legend=rrb.PlotLegend(visible=False),
-            )
-            for name in view.exposure
-        ]
-        tabs.append(rrb.Horizontal(*plots, name="Exposure"))
+        tabs.append(_exposure(view))
     return [rrb.Tabs(*tabs, active_tab=0)] if tabs else []
 
 
-def _depth_and_height(
-    view: CameraView, entity: str, method: str, name: str
-) -> rrb.Horizontal | None:
-    of = "" if view.track_count <= CURVES_SHOWN or view.as_series else " of the longest tracks"
+def _depth_and_height(view: CameraView, entity: str, method: str) -> rrb.Vertical | None:
+    truth = ", white: truth" if view.has_truth else ""
+    height = "Height" if view.is_series_of_pictures else "Height where known within 20 %"
     plots = [
         rrb.TimeSeriesView(
             origin=path("cameras", view.camera, quantity),
-            contents=[f"$origin/{entity}/**", "$origin/truth/**"],
-            name=f"{quantity.capitalize()}{of} by {method}, m (band: 95 %)",
+            contents=[path("cameras", view.camera, quantity, entity), "$origin/truth"],
+            name=f"{label}, m, by {title(method)}; band: 95 %{truth}",
+            axis_x=_linked(),
             axis_y=rrb.ScalarAxis(range=span),
             plot_legend=rrb.PlotLegend(visible=False),
         )
-        for quantity, span in (("depth", view.depth_m), ("height", view.height_m))
+        for quantity, label, span in (
+            ("depth", "Depth", view.depth_m),
+            ("height", height, view.height_m),
+        )
         if span is not None
     ]
-    return rrb.Horizontal(*plots, name=name) if plots else None
+    return rrb.Vertical(*plots, name=f"by {title(method)}") if plots else None
+
+
+def _errors(view: CameraView) -> rrb.Vertical:
+    plots = [
+        rrb.TimeSeriesView(
+            origin=path("cameras", view.camera, "error"),
+            contents=contents,
+            name=name,
+            axis_x=_linked(),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+        )
+        for name, contents in (
+            (
+                "Depth error, % of the truth, median of each frame; diamonds: the worst",
+                ["$origin/depth/**", "$origin/worst"],
+            ),
+            ("Height error, cm, median of each frame", ["$origin/height/**"]),
+        )
+    ]
+    return rrb.Vertical(*plots, name="Errors")
+
+
+def _exposure(view: CameraView) -> rrb.Grid:
+    plots = [
+        rrb.TimeSeriesView(
+            origin=path("cameras", view.camera, "exposure", name),
+            name=EXPOSURE[name][0],
+            axis_x=_linked(),
+            plot_legend=rrb.PlotLegend(visible=False),
+        )
+        for name in view.exposure
+    ]
+    return rrb.Grid(*plots, grid_columns=2, name="Exposure")

@@ -11,10 +11,13 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from dashboards.style import METHOD_ORDER, Colours, track_colours
+from dashboards.slots import slots
+from dashboards.style import METHOD_ORDER, NEUTRAL, Colours, slot_colours
 from pipeline.records import FloatArray, IntArray
 
 BoolArray = npt.NDArray[np.bool_]
+# An object of which so much is covered counts as hidden where nothing better is known.
+HIDDEN_SHARE = 0.25
 BEST = "best"  # stands for a method where the best of an observation is by one or by another
 
 
@@ -63,6 +66,7 @@ class Observations:
     row: IntArray  # the frame, as a position in `Frames`
     track: IntArray  # the track, as a position in `Tracks`
     bbox_xyxy_px: FloatArray  # (n, 4)
+    hidden: BoolArray  # whether its head or its feet cannot be seen
 
     def __len__(self) -> int:
         return len(self.row)
@@ -78,7 +82,10 @@ class Tracks:
 
     track_id: IntArray
     observation_count: IntArray
-    colour: Colours  # (t, 3)
+    first_row: IntArray  # frames, as positions in `Frames`
+    last_row: IntArray
+    slot: IntArray  # the lane and the line in plots that it shares with others; -1: none was free
+    colour: Colours  # (t, 3), that of its slot
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +138,9 @@ def camera_rows(camera: Mapping[str, Any], tables: Mapping[str, pa.Table]) -> Ca
     """
     name = str(camera["camera"])
     frames = _frames(_of_camera(tables["frames"], name))
-    observations, tracks = _observations(_of_camera(tables["observations"], name), frames)
+    observations, tracks = _observations(
+        _of_camera(tables["observations"], name), tables.get("observation_quality"), frames
+    )
     best, best_method, methods = _best(tables["estimates"], observations.observation_index)
     return CameraRows(
         name=name,
@@ -197,7 +206,9 @@ def _frames(table: pa.Table) -> Frames:
     )
 
 
-def _observations(table: pa.Table, frames: Frames) -> tuple[Observations, Tracks]:
+def _observations(
+    table: pa.Table, quality: pa.Table | None, frames: Frames
+) -> tuple[Observations, Tracks]:
     row, found = _positions(integers(table, "frame_index"), frames.frame_index)
     track_id = integers(table, "track_id")
     order = np.lexsort((track_id, row))
@@ -213,8 +224,26 @@ def _observations(table: pa.Table, frames: Frames) -> tuple[Observations, Tracks
         row=row,
         track=track,
         bbox_xyxy_px=_boxes(table)[order],
+        hidden=_hidden(table, quality)[order],
     )
-    return observations, Tracks(ids, count, track_colours(row[first], last))
+    single = len(ids) > 1 and bool((count == 1).all())
+    slot = np.zeros(len(ids), dtype=np.int64) if single else slots(row[first], last)
+    colour = np.where(slot[:, None] < 0, np.array(NEUTRAL), slot_colours(slot)).astype(np.uint8)
+    return observations, Tracks(ids, count, row[first], last, slot, colour)
+
+
+def _hidden(table: pa.Table, quality: pa.Table | None) -> BoolArray:
+    """Return whose head or feet cannot be seen: cut off by the picture, or behind something."""
+    sides = ("truncated_top", "truncated_bottom")
+    hidden = np.logical_or(*(_booleans(table, side) for side in sides))
+    if quality is None or not quality.num_rows:
+        return hidden | (np.nan_to_num(floats(table, "occlusion")) >= HIDDEN_SHARE)
+    index = integers(table, "observation_index")
+    position, found = _positions(index, integers(quality, "observation_index"))
+    for end in ("contact_visible", "head_visible"):
+        visible = np.asarray(pc.fill_null(quality[end], True).to_numpy(), dtype=np.bool_)
+        hidden |= ~_taken(visible, position, found, True)
+    return hidden
 
 
 def _best(

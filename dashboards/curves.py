@@ -1,181 +1,230 @@
-"""Depth, height and exposure over time, an entity a curve."""
+"""Depth and height over time: an entity a method, a line a slot, with 95 % bands; the truth beside."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 
-from dashboards.columns import BEST, CameraRows, Estimates, Frames, Truth, estimates_by, floats
-from dashboards.names import path
-from dashboards.scene import LONGEST_GAP_FRAMES
+from dashboards.columns import BEST, BoolArray, CameraRows, Estimates, estimates_by
+from dashboards.names import path, title
+from dashboards.slots import LONGEST_GAP_FRAMES, slot_names, slots
 from dashboards.stream import send_rows
-from dashboards.style import METHOD_COLOURS, NEUTRAL, TRUTH, Z_95
+from dashboards.style import METHOD_COLOURS, NEUTRAL, TRUTH, Z_95, packed, slot_colours
 from pipeline.records import FloatArray, IntArray
 
-# More curves than this hide each other; the others are there, switched off.
-CURVES_SHOWN = 12
-# The file's index grows with the square of the entities; the curves of more are in the database.
-CURVES_KEPT = 24
 QUANTITIES = {"depth": "m", "height": "m"}
-EXPOSURE = {"f_number": "f-number", "ev100": "EV100", "luminance": "relative luminance"}
+# Truth is a thin line: what is compared with it must be seen below it.
+TRUTH_WIDTH, TRUTH_OPACITY = 1.0, 170
+OPACITY = 190
+# A height that is not known within this share of itself tells nothing of a person: adults are 1.68 m
+# tall, and 95 % of them are within 11 % of that.
+WIDEST_BAND = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class _Curve:
-    """The observations of a curve: one track, or all of a series of pictures."""
+class Lines:
+    """Values over frames, a column a line; NaN where a line is not."""
 
-    part: str  # of the entity's path
-    title: str
-    rows: IntArray  # observations in the order of time
-    colour: tuple[int, int, int] | None  # None: the method's
-    shown: bool
+    row: IntArray  # (r,), frames by position, ascending
+    values: FloatArray  # (r, l)
+    variances: FloatArray  # (r, l)
 
 
 def log_curves(stream: rr.RecordingStream, rows: CameraRows, estimates: pa.Table) -> None:
-    """Log depth and height over time by the best method and by each, with 95 % bands."""
-    curves = list(_curves(rows))
+    """Log depth and height over time by the best method and by each."""
     if rows.drawn_by == BEST:
-        _log_method(stream, rows, curves, BEST, rows.best)
+        _log_method(stream, rows, BEST, rows.best)
     for method in rows.methods:
         by_method = estimates_by(method, estimates, rows.observations.observation_index)
-        _log_method(stream, rows, curves, method, by_method)
+        _log_method(stream, rows, method, by_method)
     _log_truth(stream, rows)
 
 
-def _curves(rows: CameraRows) -> Iterator[_Curve]:
-    """Yield the curves of the longest tracks, the longest first."""
-    track = rows.observations.track
-    if rows.is_series_of_pictures:
-        yield _Curve("all", "", np.arange(len(track)), None, True)
-        return
-    order = np.lexsort((rows.observations.row, track))
-    starts = np.searchsorted(track[order], np.arange(len(rows.tracks.track_id) + 1))
-    for rank, i in enumerate(longest_tracks(rows)[:CURVES_KEPT].tolist()):
-        number = int(rows.tracks.track_id[i])
-        colour = tuple(rows.tracks.colour[i].tolist())
-        mine = order[starts[i] : starts[i + 1]]
-        yield _Curve(f"track_{number}", f"#{number}", mine, colour, rank < CURVES_SHOWN)
-
-
-def longest_tracks(rows: CameraRows) -> IntArray:
-    """Return tracks by position, those with the most observations first."""
-    return np.argsort(-rows.tracks.observation_count, kind="stable")
-
-
 def _log_method(
-    stream: rr.RecordingStream,
-    rows: CameraRows,
-    curves: list[_Curve],
-    method: str,
-    values: Estimates,
+    stream: rr.RecordingStream, rows: CameraRows, method: str, estimates: Estimates
 ) -> None:
-    of_method = METHOD_COLOURS.get(method, np.array(NEUTRAL)).tolist()
-    quantities = {
-        "depth": (values.depth_m, values.depth_std_m),
-        "height": (values.measured_height_m, values.height_std_m),
-    }
-    for quantity, (value, std) in quantities.items():
-        for curve in curves:
-            mine = curve.rows[np.isfinite(value[curve.rows])]
-            if not len(mine):
-                continue
-            style = rr.Measurements.from_fields(
-                names=[curve.title or method],
-                colors=[curve.colour or of_method],
-                units=[QUANTITIES[quantity]],
-                visible_series=[curve.shown],
-            )
-            entity = path("cameras", rows.name, quantity, method, curve.part)
-            _send_curve(stream, entity, rows, mine, (value[mine], std[mine]), style)
+    track = rows.observations.track
+    line = rows.tracks.slot[track]
+    if rows.is_series_of_pictures:
+        names = [title(method)]
+        colours = np.array([METHOD_COLOURS.get(method, NEUTRAL)], dtype=np.uint8)
+    else:
+        names = slot_names(rows.tracks.slot, [f"#{i}" for i in rows.tracks.track_id.tolist()])
+        colours = slot_colours(np.arange(len(names)))
+    for quantity, (value, std) in {
+        "depth": (estimates.depth_m, estimates.depth_std_m),
+        "height": (height_in_plots(rows, estimates), estimates.height_std_m),
+    }.items():
+        mine = np.isfinite(value) & (line >= 0)
+        if not mine.any():
+            continue
+        lines = lines_over_frames(
+            rows.observations.row[mine],
+            line[mine],
+            track[mine],
+            (value[mine], (Z_95 * np.nan_to_num(std[mine])) ** 2),
+            is_followed=not rows.is_series_of_pictures,
+            line_count=len(names),
+        )
+        style = rr.Measurements.from_fields(
+            names=names,
+            colors=packed(colours, OPACITY),
+            units=[QUANTITIES[quantity]] * len(names),
+        )
+        _send(stream, path("cameras", rows.name, quantity, method), rows, lines, style)
 
 
-def _send_curve(
+def height_in_plots(rows: CameraRows, estimates: Estimates) -> FloatArray:
+    """Return the measured heights that are known well enough for a plot, NaN elsewhere.
+
+    Of somebody half hidden the band is as tall as the plot, and hides everybody else's. Where most are
+    so, all heights are in the plot.
+    """
+    heights, std_m = estimates.measured_height_m, estimates.height_std_m
+    good = ~(Z_95 * std_m > WIDEST_BAND * heights)
+    if rows.is_series_of_pictures or good.sum() < 0.5 * len(good):
+        return heights
+    return np.where(good, heights, np.nan)
+
+
+def lines_over_frames(
+    row: IntArray,
+    line: IntArray,
+    follows: IntArray,
+    values: tuple[FloatArray, FloatArray],
+    *,
+    is_followed: bool,
+    line_count: int,
+) -> Lines:
+    """Return points as lines over frames.
+
+    A line goes straight across a short gap, as it would between two points, and is broken by a
+    longer one and where another takes its place.
+
+    Args:
+        row: the frame of each point, (n,).
+        line: the line of each, (n,).
+        follows: what each belongs to: points of a line that differ in it are not joined, (n,).
+        values: value and variance of each, (n,) each.
+        is_followed: whether points are of what is followed over frames; else all are joined.
+        line_count: how many lines there are.
+    """
+    order = np.lexsort((row, line))
+    row, line, follows = row[order], line[order], follows[order]
+    value, variance = values[0][order], values[1][order]
+    if not is_followed:
+        return Lines(row, value[:, None], variance[:, None])
+    gap = np.diff(row)
+    joined = (np.diff(line) == 0) & (np.diff(follows) == 0)
+    joined &= (gap > 1) & (gap <= LONGEST_GAP_FRAMES)
+    before = np.repeat(np.flatnonzero(joined), gap[joined] - 1)
+    step = _counted(gap[joined] - 1) + 1
+    share = step / gap[before] if len(before) else np.empty(0)
+    all_rows = np.concatenate([row, row[before] + step])
+    all_lines = np.concatenate([line, line[before]])
+    used = np.unique(all_rows)
+    # The frame after a line's end says that it ended.
+    sent = np.union1d(used, np.setdiff1d(used + 1, used)[:-1])
+    at = np.searchsorted(sent, all_rows)
+    filled = []
+    for known in (value, variance):
+        between = known[before] + share * (known[before + 1] - known[before])
+        table = np.full((len(sent), line_count), np.nan)
+        table[at, all_lines] = np.concatenate([known, between])
+        filled.append(table)
+    return Lines(sent, filled[0], filled[1])
+
+
+def _counted(counts: IntArray) -> IntArray:
+    """Return 0, 1, ... for each count, one after another."""
+    starts = np.cumsum(counts) - counts
+    return np.arange(int(counts.sum())) - np.repeat(starts, counts)
+
+
+def _send(
     stream: rr.RecordingStream,
     entity: str,
     rows: CameraRows,
-    mine: IntArray,
-    values: tuple[FloatArray, FloatArray],
+    lines: Lines,
     style: rr.Measurements,
 ) -> None:
-    """Send one curve; it is broken where nothing was seen for long."""
-    row = rows.observations.row[mine]
-    away = np.flatnonzero(np.diff(row) > LONGEST_GAP_FRAMES) + 1
-    if rows.is_series_of_pictures:
-        away = away[:0]
-    at_row = np.insert(row, away, row[away - 1] + 1)
-    value = np.insert(values[0], away, np.nan)
-    variance = np.insert((Z_95 * np.nan_to_num(values[1])) ** 2, away, np.nan)
-    times = (rows.frames.frame_index[at_row], rows.frames.capture_time_ns[at_row])
+    count = lines.values.shape[1]
     send_rows(
         stream,
         entity,
-        times,
-        lambda part: rr.Measurements.columns(values=value[part], variances=variance[part]),
+        (rows.frames.frame_index[lines.row], rows.frames.capture_time_ns[lines.row]),
+        lambda part: rr.Measurements.columns(
+            values=lines.values[part].ravel(), variances=lines.variances[part].ravel()
+        ).partition([count] * len(lines.row[part])),
         style,
     )
 
 
 def _log_truth(stream: rr.RecordingStream, rows: CameraRows) -> None:
-    """Log the truth as points, an entity an object."""
+    """Log the truth: a line an object where things are followed, else points."""
     truth = rows.truth
     for quantity, values in {"depth": truth.depth_m, "height": truth.height_m}.items():
         known = np.flatnonzero(np.isfinite(values))
-        for part, mine in _objects(rows, truth, known):
-            style = rr.SeriesPoints(
-                names=["truth"], colors=[TRUTH], markers=["diamond"], marker_sizes=[3.5]
-            )
-            entity = path("cameras", rows.name, quantity, "truth", part)
-            row, value = truth.row[mine], values[mine]
-            times = (rows.frames.frame_index[row], rows.frames.capture_time_ns[row])
-            send_rows(
-                stream,
-                entity,
-                times,
-                lambda part, value=value: rr.Scalars.columns(  # type: ignore[misc]
-                    scalars=value[part]
-                ),
-                style,
-            )
-
-
-def _objects(rows: CameraRows, truth: Truth, known: IntArray) -> Iterator[tuple[str, IntArray]]:
-    """Yield the objects with the most truth, and where it is; in a series of pictures all at once."""
-    if not len(known):
-        return
-    if rows.is_series_of_pictures:
-        yield "all", known
-        return
-    names, which, count = np.unique(
-        truth.object_id[known].astype(str), return_inverse=True, return_counts=True
-    )
-    for i in np.argsort(-count, kind="stable")[:CURVES_KEPT].tolist():
-        yield f"object_{names[i]}", known[which == i]
-
-
-def log_exposure(stream: rr.RecordingStream, rows: CameraRows) -> None:
-    """Log f-number, EV100 and luminance where they are known."""
-    for name, (values, known) in exposure_curves(rows.frames).items():
+        if not len(known):
+            continue
+        entity = path("cameras", rows.name, quantity, "truth")
+        if rows.is_series_of_pictures:
+            _send_points(stream, entity, rows, truth.row[known], values[known])
+            continue
+        objects, line = _object_lines(truth.row[known], truth.object_id[known])
+        mine = line[objects] >= 0
+        lines = lines_over_frames(
+            truth.row[known][mine],
+            line[objects][mine],
+            objects[mine],
+            (values[known][mine], np.zeros(int(mine.sum()))),
+            is_followed=True,
+            line_count=int(line.max()) + 1,
+        )
+        count = lines.values.shape[1]
         send_rows(
             stream,
-            path("cameras", rows.name, "exposure", name),
-            (rows.frames.frame_index[known], rows.frames.capture_time_ns[known]),
-            lambda part, values=values[known]: rr.Scalars.columns(  # type: ignore[misc]
-                scalars=values[part]
+            entity,
+            (rows.frames.frame_index[lines.row], rows.frames.capture_time_ns[lines.row]),
+            lambda part, lines=lines, count=count: rr.Scalars.columns(  # type: ignore[misc]
+                scalars=lines.values[part].ravel()
+            ).partition([count] * len(lines.row[part])),
+            rr.SeriesLines(
+                names=["truth"] * count,
+                colors=[(*TRUTH, TRUTH_OPACITY)] * count,
+                widths=[TRUTH_WIDTH] * count,
             ),
-            rr.SeriesLines(names=[EXPOSURE[name]], colors=[NEUTRAL], widths=[1.5]),
         )
 
 
-def exposure_curves(frames: Frames) -> dict[str, tuple[FloatArray, IntArray]]:
-    """Return the exposure values that are known of any frame, and where."""
-    curves = {}
-    for name in EXPOSURE:
-        values = floats(frames.table, name)
-        known = np.flatnonzero(np.isfinite(values))
-        if len(known):
-            curves[name] = (values, known)
-    return curves
+def _object_lines(row: IntArray, object_id: np.ndarray) -> tuple[IntArray, IntArray]:
+    """Return the object of each point by its number, (n,), and the line of each object, (o,)."""
+    _, objects = np.unique(object_id.astype(str), return_inverse=True)
+    count = int(objects.max()) + 1
+    first, last = np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
+    np.minimum.at(first, objects, row)
+    np.maximum.at(last, objects, row)
+    return objects, slots(first, last)
+
+
+def _send_points(
+    stream: rr.RecordingStream, entity: str, rows: CameraRows, row: IntArray, values: FloatArray
+) -> None:
+    style = rr.SeriesPoints(
+        names=["truth"], colors=[TRUTH], markers=["diamond"], marker_sizes=[3.5]
+    )
+    send_rows(
+        stream,
+        entity,
+        (rows.frames.frame_index[row], rows.frames.capture_time_ns[row]),
+        lambda part: rr.Scalars.columns(scalars=values[part]),
+        style,
+    )
+
+
+def in_plots(rows: CameraRows) -> BoolArray:
+    """Return which observations are in the plots, (n,)."""
+    return np.asarray(rows.tracks.slot[rows.observations.track] >= 0)

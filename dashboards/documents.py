@@ -10,8 +10,8 @@ from typing import Any
 import pyarrow as pa
 
 from dashboards.columns import CameraRows
-from dashboards.curves import CURVES_KEPT, CURVES_SHOWN
 from dashboards.names import markdown
+from dashboards.slots import SLOTS
 from dashboards.style import METHOD_ORDER, Z_95
 from pipeline import __version__
 
@@ -164,14 +164,17 @@ def _reading_text(cameras: Sequence[CameraRows]) -> str:
         "height that was put in, not measured; such a height is in no curve.",
         '"Not one object" marks a height that one object of its class cannot have: two people in '
         "one box, or half of one.",
-        "What is true is white; where the true size of a thing is not known its block has the size "
-        "that was seen. Trails and curves have the colour of their track.",
+        "What is true is white; where the true size of a thing is not known its outline has the size "
+        "that was seen. Boxes, bodies, trails, curves and bars of one track have one colour; a track "
+        "that begins after another has ended may take its colour over.",
+        "A bar says what is known of its track: seen; hidden (its head or its feet cannot be seen: "
+        "behind something, or outside the picture); or predicted, between frames in which it was seen.",
     ]
-    many = [rows for rows in cameras if len(rows.tracks.track_id) > CURVES_SHOWN]
-    if any(not rows.is_series_of_pictures for rows in many):
+    without = sum(int((rows.tracks.slot < 0).sum()) for rows in cameras)
+    if without:
         lines.append(
-            f"Plots open with the {CURVES_SHOWN} longest tracks of a camera; the blueprint panel "
-            f"switches on others, up to {CURVES_KEPT}. All are in the database."
+            f"{without:,} tracks are in the picture, the scene and the database, but not in the plots: "
+            f"{SLOTS} others were there at the same time."
         )
     return "\n\n".join(lines)
 
@@ -189,7 +192,7 @@ def tracks_text(track_heights: pa.Table, tracks: pa.Table, cameras: Sequence[Cam
     about = {(row["camera"], row["track_id"]): row for row in tracks.to_pylist()}
     several = len(cameras) > 1
     head = ["camera"] if several else []
-    head += ["track", "class", "frames", "from", "to", "depth, m", "height, m (95 %)", "method"]
+    head += ["track", "class", "frames", "first", "last", "depth, m", "height, m (95 %)", "method"]
     lines = [
         _table_row(head),
         _table_row([":--" if h in TEXT_COLUMNS else "--:" for h in head]),

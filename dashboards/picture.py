@@ -9,12 +9,16 @@ from dashboards.columns import CameraRows
 from dashboards.labels import placed_labels
 from dashboards.names import path
 from dashboards.stream import send_sets
-from dashboards.style import TRUTH, packed, tinted
+from dashboards.style import packed, tinted
 from pipeline.records import FloatArray
 
 # Our (0, 0) is the middle of the first pixel, Rerun's is its corner.
 CORNER_PX = 0.5
 BEHIND = -100.0  # Rerun draws pictures at -10
+# Half widths of lines in points of the screen, which Rerun takes as negative. Truth is thinner than
+# what is compared with it, and above it.
+BOX_RADIUS, TRUTH_RADIUS = -1.25, -0.6
+WHITE = 0xFFFFFFFF
 
 
 def log_boxes(stream: rr.RecordingStream, rows: CameraRows) -> None:
@@ -28,6 +32,7 @@ def log_boxes(stream: rr.RecordingStream, rows: CameraRows) -> None:
         rows.frames,
         seen.row,
         lambda part: rr.Boxes2D.columns(**_centred(boxes[part]), colors=box_colour[part]),
+        rr.Boxes2D.from_fields(radii=BOX_RADIUS),
     )
     texts, middle, half_width = placed_labels(rows)
     middle, text_colour = middle + CORNER_PX, packed(tinted(colour))
@@ -56,8 +61,10 @@ def log_boxes(stream: rr.RecordingStream, rows: CameraRows) -> None:
         rows.frames,
         rows.truth.row[known],
         lambda part: rr.Boxes2D.columns(
-            **_centred(true_boxes[part]), colors=[TRUTH] * len(true_boxes[part])
+            **_centred(true_boxes[part]),
+            colors=np.full(len(true_boxes[part]), WHITE, dtype=np.uint32),
         ),
+        rr.Boxes2D.from_fields(radii=TRUTH_RADIUS),
     )
 
 

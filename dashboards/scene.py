@@ -18,16 +18,20 @@ import rerun as rr
 
 from dashboards.columns import BoolArray, CameraRows
 from dashboards.names import path
+from dashboards.slots import LONGEST_GAP_FRAMES
 from dashboards.stream import send_sets
-from dashboards.style import TRUTH, packed, tinted
+from dashboards.style import DIM, NEUTRAL, TRUTH, Colours, packed, tinted
 from pipeline.records import FloatArray, IntArray
 
 # A trail fades in steps: the same line in three entities, each showing an age, in frames, and dimmer.
 TRAILS = {"recent": (0, 30, 1.0), "older": (30, 75, 0.6), "oldest": (75, 150, 0.3)}
-# A track that was away for longer has no line from where it left to where it came back.
-LONGEST_GAP_FRAMES = 8
-# Depth of a body along the line of sight cannot be seen; a person's is about this.
-DEEPEST_M = 0.3
+# A body is drawn round, no wider than people are: arms and strides widen a box, not a body.
+WIDEST_M = 0.5
+# How bodies look: their fill, and how opaque it is.
+SOLID, OUTLINE = ("solid", 255), ("majorwireframe", 255)
+# Distances along the ground that are written beside it, in metres.
+TICKS_M = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+TICKS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,58 @@ def log_camera(stream: rr.RecordingStream, rows: CameraRows, frustum_m: float) -
     )
 
 
+def log_ground(stream: rr.RecordingStream, rows: CameraRows, right_m: float, far_m: float) -> None:
+    """Log what of the ground is in the picture, and a ruler of metres ahead to the right of people.
+
+    The picture's corners are taken to the ground without the lens's distortion; rays that do not
+    meet the ground before `far_m` end there.
+    """
+    pose = Pose.of(rows.camera)
+    if not lens_known(rows.camera):
+        return
+    step_m = next((t for t in TICKS_M if far_m / t <= TICKS), TICKS_M[-1])
+    ahead_m = np.arange(1, int(far_m / step_m) + 1) * step_m
+    stream.log(
+        path("cameras", rows.name, "ground", "distance"),
+        rr.Points3D(
+            np.column_stack([np.full(len(ahead_m), right_m), ahead_m, np.zeros(len(ahead_m))]),
+            labels=[f"{value:g} m" for value in ahead_m],
+            colors=[NEUTRAL] * len(ahead_m),
+            radii=-2.0,
+            show_labels=True,
+        ),
+        rr.LineStrips3D([[[right_m, 0, 0], [right_m, far_m, 0]]], colors=[DIM], radii=-0.75),
+        static=True,
+    )
+    if pose.known:
+        stream.log(
+            path("cameras", rows.name, "ground", "seen"),
+            rr.LineStrips3D([seen_ground(rows.camera, far_m)], colors=[DIM], radii=-1.0),
+            static=True,
+        )
+
+
+def seen_ground(camera: Mapping[str, Any], far_m: float) -> FloatArray:
+    """Return the corners of the ground that is in the picture, a closed line, (m, 3)."""
+    pose = Pose.of(camera)
+    side = np.linspace(0.0, 1.0, 9)
+    # Down the left side, along the bottom, up the right side; the top is beyond the horizon or far.
+    u = np.concatenate([np.zeros(9), side, np.ones(9)]) * camera["width_px"]
+    v = np.concatenate([side, np.ones(9), side[::-1]]) * camera["height_px"]
+    rays = np.column_stack(
+        [
+            (u - camera["cx_px"]) / camera["fx_px"],
+            (v - camera["cy_px"]) / camera["fy_px"],
+            np.ones(len(u)),
+        ]
+    )
+    x, y, z = (rays @ pose.world_from_camera().T).T
+    down = np.maximum(-z, 1e-9)
+    reach = np.minimum(pose.height_m / down, far_m / np.maximum(np.hypot(x, y), 1e-9))
+    corners = np.column_stack([x * reach, y * reach, np.zeros(len(x))])
+    return np.asarray(np.vstack([corners, corners[:1]]))
+
+
 def lens_known(camera: Mapping[str, Any]) -> bool:
     """Return whether the camera can be drawn in the scene."""
     return all(camera[name] for name in ("fx_px", "fy_px", "width_px", "height_px"))
@@ -94,22 +150,17 @@ def log_people(stream: rr.RecordingStream, rows: CameraRows) -> None:
     width_m = width_px * best.depth_m / rows.camera["fx_px"]
     height_m = np.where(np.isfinite(best.height_m), best.height_m, 0.0)
     standing = Pose.of(rows.camera).known
-    centre, half = _blocks(best.x_m, best.y_m, width_m, height_m, standing)
-    centre, half, track = centre[placed], half[placed], seen.track[placed]
-    colour = packed(rows.tracks.colour)[track]
-    names = np.array([f"#{i}" for i in rows.tracks.track_id.tolist()], dtype=object)
-    send_sets(
+    bodies = Bodies.of(best.x_m, best.y_m, width_m, height_m, standing=standing).take(placed)
+    track = seen.track[placed]
+    _log_bodies(
         stream,
         path("cameras", rows.name, "people"),
-        rows.frames,
+        rows,
         seen.row[placed],
-        lambda part: rr.Boxes3D.columns(
-            centers=centre[part],
-            half_sizes=half[part],
-            colors=colour[part],
-        ),
+        bodies,
+        (rows.tracks.colour[track], SOLID),
     )
-    feet = centre - half * [0.0, 0.0, 1.0]
+    names = np.array([f"#{i}" for i in rows.tracks.track_id.tolist()], dtype=object)
     text_colour = packed(tinted(rows.tracks.colour))[track]
     send_sets(
         stream,
@@ -117,7 +168,7 @@ def log_people(stream: rr.RecordingStream, rows: CameraRows) -> None:
         rows.frames,
         seen.row[placed],
         lambda part: rr.Points3D.columns(
-            positions=feet[part],
+            positions=bodies.feet[part],
             colors=text_colour[part],
             radii=np.zeros(len(track[part]), dtype=np.float32),
             labels=names[track[part]].tolist(),
@@ -125,18 +176,66 @@ def log_people(stream: rr.RecordingStream, rows: CameraRows) -> None:
         ),
     )
     if not rows.is_series_of_pictures:
-        _log_trails(stream, rows, seen.row[placed], track, feet)
+        _log_trails(stream, rows, seen.row[placed], track, bodies.feet)
     _log_truth(stream, rows, (width_m, height_m), standing)
 
 
-def _blocks(
-    x_m: FloatArray, y_m: FloatArray, width_m: FloatArray, height_m: FloatArray, standing: bool
-) -> tuple[FloatArray, FloatArray]:
-    """Return centre and half size of blocks, (n, 3), on the ground or around the optical axis."""
-    thick_m = np.minimum(width_m, DEEPEST_M)
-    half = np.column_stack([width_m, thick_m, height_m]) / 2
-    centre = np.column_stack([x_m, y_m, half[:, 2] if standing else np.zeros(len(x_m))])
-    return centre, half
+@dataclass(frozen=True, slots=True)
+class Bodies:
+    """Upright things where they stand, (n,) each: capsules as tall and as wide as they are."""
+
+    feet: FloatArray  # (n, 3)
+    radius_m: FloatArray
+    height_m: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        x_m: FloatArray,
+        y_m: FloatArray,
+        width_m: FloatArray,
+        height_m: FloatArray,
+        *,
+        standing: bool,
+    ) -> Bodies:
+        """Return bodies on the ground; around the optical axis where there is none."""
+        radius_m = np.minimum(width_m, WIDEST_M) / 2
+        radius_m = np.minimum(np.nan_to_num(radius_m), np.maximum(height_m, 0.02) / 2)
+        below = np.zeros(len(x_m)) if standing else -height_m / 2
+        return cls(np.column_stack([x_m, y_m, below]), radius_m, height_m)
+
+    def take(self, which: BoolArray) -> Bodies:
+        """Return some of them."""
+        return Bodies(self.feet[which], self.radius_m[which], self.height_m[which])
+
+
+def _log_bodies(
+    stream: rr.RecordingStream,
+    entity: str,
+    rows: CameraRows,
+    row: IntArray,
+    bodies: Bodies,
+    look: tuple[Colours, tuple[str, int]],
+) -> None:
+    """Log bodies; what is estimated is solid, what is true an outline."""
+    colours, (fill, opacity) = look
+    length_m = np.maximum(bodies.height_m - 2 * bodies.radius_m, 0.0).astype(np.float32)
+    radius_m = bodies.radius_m.astype(np.float32)
+    lowest = (bodies.feet + np.column_stack([np.zeros((len(row), 2)), radius_m])).astype(np.float32)
+    colour = packed(colours, opacity)
+    send_sets(
+        stream,
+        entity,
+        rows.frames,
+        row,
+        lambda part: rr.Capsules3D.columns(
+            lengths=length_m[part],
+            radii=radius_m[part],
+            translations=lowest[part],
+            colors=colour[part],
+        ),
+        rr.Capsules3D.from_fields(fill_mode=fill, line_radii=-0.6),
+    )
 
 
 def _log_trails(
@@ -187,24 +286,21 @@ def _log_truth(
 
     A side that is not known is that of what was seen there, or nothing.
     """
-    truth, width_m, height_m = rows.truth, np.full(1, DEEPEST_M), np.zeros(1)
+    truth, width_m, height_m = rows.truth, np.full(1, WIDEST_M), np.zeros(1)
     if not _known(truth.x_m, truth.y_m).any() and rows.matched is not None:
         truth, (width_m, height_m) = rows.matched, seen_size_m
     placed = _known(truth.x_m, truth.y_m)
     width_m = np.where(np.isfinite(truth.width_m), truth.width_m, width_m)
     height_m = np.where(np.isfinite(truth.height_m), truth.height_m, height_m)
-    centre, half = _blocks(truth.x_m, truth.y_m, width_m, height_m, standing)
-    centre, half = centre[placed], half[placed]
-    send_sets(
+    bodies = Bodies.of(truth.x_m, truth.y_m, width_m, height_m, standing=standing).take(placed)
+    colours = np.tile(np.array(TRUTH, dtype=np.uint8), (int(placed.sum()), 1))
+    _log_bodies(
         stream,
         path("cameras", rows.name, "truth"),
-        rows.frames,
+        rows,
         truth.row[placed],
-        lambda part: rr.Boxes3D.columns(
-            centers=centre[part],
-            half_sizes=half[part],
-            colors=[TRUTH] * len(centre[part]),
-        ),
+        bodies,
+        (colours, OUTLINE),
     )
 
 

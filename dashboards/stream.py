@@ -32,7 +32,12 @@ def clocks_of(frames: Frames, row: IntArray | slice) -> list[rr.TimeColumn]:
 
 
 def send_sets(
-    stream: rr.RecordingStream, entity: str, frames: Frames, row: IntArray, columns: Columns
+    stream: rr.RecordingStream,
+    entity: str,
+    frames: Frames,
+    row: IntArray,
+    columns: Columns,
+    style: rr.AsComponents | None = None,
 ) -> None:
     """Send a set of things a frame; one in which there are none clears those of the frame before.
 
@@ -42,7 +47,12 @@ def send_sets(
         frames: the frames of the camera.
         row: the frame of each thing, as a position in `frames`; ascending, (n,).
         columns: gives the columns of things by their slice.
+        style: what holds at all times.
     """
+    if not len(row):
+        return
+    if style is not None:
+        stream.log(entity, style, static=True)
     starts = np.searchsorted(row, np.arange(len(frames) + 1))
     count = np.diff(starts)
     sent = np.flatnonzero((count > 0) | (np.concatenate([[0], count[:-1]]) > 0))

@@ -25,6 +25,8 @@ PALETTE: Colours = np.array(
 )
 TRUTH = (255, 255, 255)
 NEUTRAL = (200, 200, 200)
+# States that are not of one track: never told by colour alone, each has its text.
+OK, WARNING, ERROR, DIM = (60, 110, 140), (230, 159, 0), (213, 94, 0), (70, 70, 70)
 
 # The best method comes first: an observation is drawn by the first that has a depth for it.
 METHOD_ORDER = (
@@ -42,20 +44,10 @@ METHOD_COLOURS = {str(method): PALETTE[i] for i, method in enumerate(METHOD_ORDE
 Z_95 = 1.96
 
 
-def track_colours(first: IntArray, last: IntArray) -> Colours:
-    """Return a colour a track, (n, 3): those that are seen together differ, as far as colours last.
-
-    Args:
-        first: first frame of each track, (n,).
-        last: last frame of each, (n,).
-    """
-    free_from = np.full(len(PALETTE), -1, dtype=np.int64)
-    colours = np.empty((len(first), 3), dtype=np.uint8)
-    for track in np.argsort(first, kind="stable"):
-        chosen = int(np.argmin(free_from))  # the colour that has been unused for longest
-        colours[track] = PALETTE[chosen]
-        free_from[chosen] = max(free_from[chosen], last[track]) + 1
-    return colours
+def slot_colours(slot: IntArray) -> Colours:
+    """Return the colour of each slot, (n, 3): the palette, then the palette in lighter tints."""
+    both = np.concatenate([PALETTE, tinted(PALETTE, 0.5)])
+    return np.asarray(both[slot % len(both)])
 
 
 def tinted(colours: Colours, share: float = 0.55) -> Colours:
@@ -63,8 +55,8 @@ def tinted(colours: Colours, share: float = 0.55) -> Colours:
     return (255 - (255 - colours.astype(np.float64)) * (1 - share)).astype(np.uint8)
 
 
-def packed(colours: Colours) -> npt.NDArray[np.uint32]:
-    """Return opaque colours, (n, 3), as Rerun's 0xRRGGBBAA."""
+def packed(colours: Colours, opacity: int = 255) -> npt.NDArray[np.uint32]:
+    """Return colours, (n, 3), as Rerun's 0xRRGGBBAA."""
     wide = colours.astype(np.uint32)
     rgb = (wide[:, 0] << 24) | (wide[:, 1] << 16) | (wide[:, 2] << 8)
-    return np.asarray(rgb | np.uint32(255))
+    return np.asarray(rgb | np.uint32(opacity))

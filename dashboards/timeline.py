@@ -5,12 +5,17 @@ Pictures pass through undecoded. Everything is sent as columns; nothing is logge
     cameras/NAME/camera              the lens, and where it is
     cameras/NAME/camera/image        the pictures
     cameras/NAME/camera/tracks       boxes in the picture; labels and truth beside them
-    cameras/NAME/people, truth       blocks where things stand and where they truly were, in metres
+    cameras/NAME/people, truth       bodies where things stand and where they truly were, in metres
     cameras/NAME/trails/AGE          where they came from
-    cameras/NAME/depth/METHOD/TRACK  depth over time; METHOD `best` is what the picture shows
-    cameras/NAME/height/METHOD/TRACK height over time, where it was measured
-    cameras/NAME/exposure/WHAT       f-number, EV100, luminance
+    cameras/NAME/ground              what of it the picture shows, and distances
+    cameras/NAME/depth/METHOD        depth over time, a line a slot; METHOD `best` is what is drawn
+    cameras/NAME/height/METHOD       height over time, where it was measured
+    cameras/NAME/error/WHAT/METHOD   errors against the truth; `worst` marks the largest
+    cameras/NAME/lanes/LANE          states of tracks, of exposure, of what was wrong
+    cameras/NAME/exposure/WHAT       EV100, ISO, shutter, f-number, luminance
     about, tracks, diagnostics       what recording this is, its tracks, and what was wrong with it
+
+However many tracks there are, the entities are as many: tracks share slots (`dashboards.slots`).
 """
 
 from __future__ import annotations
@@ -26,11 +31,14 @@ import rerun as rr
 
 from dashboards.blueprint import APPLICATION, blueprint, camera_view
 from dashboards.columns import CameraRows, camera_rows
-from dashboards.curves import log_curves, log_exposure
+from dashboards.curves import log_curves
 from dashboards.documents import about_text, tracks_text
+from dashboards.errors import log_errors
+from dashboards.exposure import log_exposure
+from dashboards.lanes import log_lanes
 from dashboards.names import path, visible
 from dashboards.picture import log_boxes
-from dashboards.scene import log_camera, log_people
+from dashboards.scene import log_camera, log_ground, log_people
 from dashboards.stream import clocks, logged_markdown
 from pipeline.errors import StadimeterError, Where
 from pipeline.records import IntArray
@@ -82,7 +90,7 @@ def write_timeline(
         tracks = tracks_text(tables["track_heights"], tables["tracks"], cameras)
         logged_markdown(stream, [("about", about), ("tracks", tracks)])
         for rows in cameras:
-            _log_camera(stream, rows, tables["estimates"])
+            _log_camera(stream, rows, tables)
         _log_diagnostics(stream, tables["diagnostics"], tables["frames"])
         _log_images(stream, images, _undecodable(tables["frames"]))
         stream.flush()
@@ -106,13 +114,18 @@ def _save_layout(layout: Any, target: Path) -> None:
     part.replace(target)
 
 
-def _log_camera(stream: rr.RecordingStream, rows: CameraRows, estimates: pa.Table) -> None:
+def _log_camera(
+    stream: rr.RecordingStream, rows: CameraRows, tables: Mapping[str, pa.Table]
+) -> None:
     view = camera_view(rows)
     log_camera(stream, rows, frustum_m=view.middle_m / 5)
+    log_ground(stream, rows, view.ruler_m, view.ahead_m[1])
     log_boxes(stream, rows)
     log_people(stream, rows)
-    log_curves(stream, rows, estimates)
-    log_exposure(stream, rows)
+    log_curves(stream, rows, tables["estimates"])
+    log_errors(stream, rows, tables["estimates"])
+    log_exposure(stream, rows.name, rows.frames)
+    log_lanes(stream, rows, tables["diagnostics"])
 
 
 def _log_images(

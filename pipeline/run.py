@@ -36,7 +36,7 @@ from pipeline.stages import StageTimes
 from pipeline.store.database import RecordingRow, Store
 
 LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "rerun-sdk", "scipy")
-CURRENT_TABLES = ("estimates", "track_heights")
+CURRENT_TABLES = ("estimates", "track_heights", "observation_quality")
 
 
 @dataclass(slots=True)
@@ -211,7 +211,7 @@ def write_timeline_of(
     assert recording is not None  # noqa: S101  (narrowing)
     report(Progress(outcome.path.name, "timeline", recording.frame_count, 1.0))
     recording_id = recording.recording_id
-    tables = {name: store.read(name, recording_id) for name in PASS_ONE}
+    tables = {name: store.read(name, recording_id) for name in (*PASS_ONE, "matches")}
     tables |= {name: store.read_current(name, recording_id) for name in CURRENT_TABLES}
     notes = Notes()  # pass 1 has reported what is wrong with the file
     file = McapFile(outcome.path, config.limits, notes.add)

@@ -310,8 +310,8 @@ class Store:
         ).to_arrow_table()
 
     def read_current(self, table: str, recording_id: str) -> pa.Table:
-        """Return a recording's rows of `estimates` or `track_heights` that the newest run made."""
-        if table not in ("estimates", "track_heights"):
+        """Return a recording's rows of a table of pass 2 that the newest run made."""
+        if table not in ("estimates", "track_heights", "observation_quality"):
             raise ValueError(f"{table!r} is no table of estimates")
         return self._connection.sql(
             f"SELECT t.* FROM {table} t SEMI JOIN main.current_run USING (recording_id, run_id) "

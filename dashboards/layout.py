@@ -1,0 +1,38 @@
+"""How a window of 1920x1080 is shared out.
+
+Labels keep their size on the screen, so where they collide depends on it; in other windows they only
+sit less well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+WINDOW_PX = (1920.0, 1010.0)  # what the viewer's own bars leave
+TITLE_PX = 25.0
+PICTURE_SHARE = 0.63  # of the height
+# The left column is as wide as the picture needs, within what the plots beside it can spare.
+COLUMN_SHARES = (0.40, 0.60)
+DEFAULT_ASPECT = 16 / 9
+
+
+def left_share(camera: Mapping[str, Any]) -> float:
+    """Return the share of the window's width that the picture's column takes."""
+    height_px = WINDOW_PX[1] * PICTURE_SHARE - TITLE_PX
+    low, high = COLUMN_SHARES
+    return min(max(height_px * _aspect(camera) / WINDOW_PX[0], low), high)
+
+
+def screen_scale(camera: Mapping[str, Any]) -> float:
+    """Return how many pixels of the screen a pixel of the picture takes."""
+    width_px, height_px = camera["width_px"], camera["height_px"]
+    if not width_px or not height_px:
+        return 1.0
+    panel_px = (left_share(camera) * WINDOW_PX[0], WINDOW_PX[1] * PICTURE_SHARE - TITLE_PX)
+    return min(panel_px[0] / width_px, panel_px[1] / height_px)
+
+
+def _aspect(camera: Mapping[str, Any]) -> float:
+    width_px, height_px = camera["width_px"], camera["height_px"]
+    return width_px / height_px if width_px and height_px else DEFAULT_ASPECT
