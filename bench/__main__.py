@@ -1,11 +1,12 @@
 """`make bench`: everything that is claimed, measured in one run."""
 
-from bench import memory, paper, queries, speed, walkers
+from bench import memory, paper, queries, speed, street, walkers
 from pipeline.console import out
 
 for title, part in (
     ("The paper's rows", paper),
     ("The pose from walkers", walkers),
+    ("The street's survey", street),
     ("Speed", speed),
     ("Memory", memory),
     ("Queries", queries),
