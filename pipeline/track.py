@@ -1,8 +1,7 @@
 """Joining observations into tracks: prediction by a Kalman filter, optimal assignment.
 
-The state of a track is its foot point, its height and its width in pixels, with the velocity of the
-foot point: [x, y, height, width, vx, vy]. All tracks are predicted and corrected at once, as arrays.
-Time is the frames' own, so gaps and changing rates need no special case.
+The filter is in `pipeline.track_filter`. Time is the frames' own, so gaps and changing rates need no
+special case.
 """
 
 from __future__ import annotations
@@ -16,23 +15,10 @@ from scipy.optimize import linear_sum_assignment
 
 from pipeline.config import TrackConfig
 from pipeline.records import TRACKS, Boxes, FloatArray, IntArray
+from pipeline.track_filter import Filters
 
-# Lengths in the filter are relative to the object's own height, so that near and far people, and
-# large and small pictures, are treated alike.
-# A walker passes 0.8 body heights a second (1.4 m/s), a runner twice that.
-SPEED_STD = 1.0  # body heights a second, of a new track
-ACCELERATION_STD = (
-    0.6  # body heights a second squared: 1 m/s2, setting off or stopping within 1.5 s
-)
-# The height in the picture changes only as the person comes nearer; the width also with every stride.
-HEIGHT_CHANGE_STD = 0.08  # of the height, in a second
-WIDTH_CHANGE_STD = 0.3
-FOOT_STD = 0.05  # body heights: how well a box's foot point and sides repeat
-SIZE_STD = 0.08
 # Chi-squared, 4 degrees of freedom, 99.9 %: further apart is another object.
 GATE = 18.47
-_MEASURED = 4
-_STATES = 6
 
 
 @dataclass(slots=True)
@@ -55,8 +41,7 @@ class Tracker:
     def __init__(self, config: TrackConfig, camera: str) -> None:
         self._config = config
         self._camera = camera
-        self._state = np.empty((0, _STATES))
-        self._covariance = np.empty((0, _STATES, _STATES))
+        self._filters = Filters()
         self._active: list[_Life] = []
         self._lives: list[_Life] = []
         self._time_ns: int | None = None
@@ -68,7 +53,8 @@ class Tracker:
         assigned = self._assign(boxes, measured)
         new = np.flatnonzero(assigned < 0)
         matched = np.flatnonzero(assigned >= 0)
-        self._correct(assigned[matched], measured[matched])
+        if len(matched):
+            self._filters.correct(assigned[matched], measured[:, matched])
         assigned[new] = self._begin(capture_time_ns, frame_index, boxes, measured, new)
         for box, slot in enumerate(assigned):
             life = self._active[slot]
@@ -113,12 +99,7 @@ class Tracker:
         self._time_ns = time_ns if self._time_ns is None else max(time_ns, self._time_ns)
         if elapsed_s == 0.0 or len(self._active) == 0:
             return
-        move = np.eye(_STATES)
-        move[0, 4] = move[1, 5] = elapsed_s
-        self._state = self._state @ move.T
-        self._covariance = move @ self._covariance @ move.T + _process_noise(
-            elapsed_s, self._state[:, 2]
-        )
+        self._filters.predict(elapsed_s)
 
     def _assign(self, boxes: Boxes, measured: FloatArray) -> IntArray:
         """Return the active track of each box, or -1: by the recorded id, else by least cost."""
@@ -127,15 +108,11 @@ class Tracker:
         for box, object_id in enumerate(boxes.object_id):
             if object_id is not None and object_id in by_id:
                 assigned[box] = by_id.pop(object_id)
-        free_boxes = np.array(
-            [b for b in range(len(boxes)) if boxes.object_id[b] is None], dtype=np.int64
-        )
-        free_tracks = np.array(
-            [i for i, life in enumerate(self._active) if life.object_id is None], dtype=np.int64
-        )
+        free_boxes = np.array([b for b, name in enumerate(boxes.object_id) if name is None])
+        free_tracks = np.array([i for i, k in enumerate(self._active) if k.object_id is None])
         if len(free_boxes) == 0 or len(free_tracks) == 0:
             return assigned
-        cost = self._distance(free_tracks, measured[free_boxes])
+        cost = self._distance(free_tracks, measured[:, free_boxes])
         rows, columns = linear_sum_assignment(np.minimum(cost, 10 * GATE))
         good = cost[rows, columns] < GATE
         assigned[free_boxes[columns[good]]] = free_tracks[rows[good]]
@@ -148,28 +125,9 @@ class Tracker:
         and so could be anywhere, from outbidding one that was just there (its negative
         log-likelihood, in the object's own lengths).
         """
-        state = self._state[tracks]
-        innovation = measured[None, :, :] - state[:, None, :_MEASURED]
-        spread = self._covariance[tracks][:, :_MEASURED, :_MEASURED] + _measurement_noise(
-            state[:, 2]
-        )
-        inverse = np.linalg.inv(spread)
-        squared = np.einsum("tbi,tij,tbj->tb", innovation, inverse, innovation)
-        relative = np.linalg.det(spread) / np.linalg.det(_measurement_noise(state[:, 2]))
-        return np.where(squared < GATE, squared + np.log(relative)[:, None] * 0.5, np.inf).clip(
-            max=10 * GATE
-        )
-
-    def _correct(self, tracks: IntArray, measured: FloatArray) -> None:
-        if len(tracks) == 0:
-            return
-        state, covariance = self._state[tracks], self._covariance[tracks]
-        spread = covariance[:, :_MEASURED, :_MEASURED] + _measurement_noise(state[:, 2])
-        gain = covariance[:, :, :_MEASURED] @ np.linalg.inv(spread)
-        innovation = measured - state[:, :_MEASURED]
-        self._state[tracks] = state + np.einsum("tij,tj->ti", gain, innovation)
-        self._covariance[tracks] = covariance - gain @ covariance[:, :_MEASURED, :]
-        self._state[tracks, 2:4] = np.maximum(self._state[tracks, 2:4], 1.0)
+        squared, relative = self._filters.distance(tracks, measured)
+        cost = squared + np.log(relative)[:, None] * 0.5
+        return np.where(squared < GATE, cost, np.inf).clip(max=10 * GATE)
 
     def _begin(
         self,
@@ -180,13 +138,8 @@ class Tracker:
         new: npt.NDArray[np.intp],
     ) -> IntArray:
         slots = np.arange(len(self._active), len(self._active) + len(new))
-        state = np.hstack([measured[new], np.zeros((len(new), 2))])
-        height = state[:, 2]
-        covariance = np.zeros((len(new), _STATES, _STATES))
-        covariance[:, :_MEASURED, :_MEASURED] = _measurement_noise(height)
-        covariance[:, 4, 4] = covariance[:, 5, 5] = (SPEED_STD * height) ** 2
-        self._state = np.vstack([self._state, state])
-        self._covariance = np.concatenate([self._covariance, covariance])
+        if len(new):
+            self._filters.begin(measured[:, new])
         for box in new:
             life = _Life(
                 len(self._lives), boxes.object_id[box], time_ns, time_ns, frame_index, frame_index
@@ -206,33 +159,11 @@ class Tracker:
         ]
         if all(keep):
             return
-        mask = np.array(keep)
-        self._state, self._covariance = self._state[mask], self._covariance[mask]
+        self._filters.keep(np.array(keep))
         self._active = [life for life, kept in zip(self._active, keep, strict=True) if kept]
 
 
 def _measure(bbox: FloatArray) -> FloatArray:
-    """Return foot point, height and width, (n, 4), of boxes (n, 4)."""
+    """Return foot x, foot y, height and width, (4, n), of boxes (n, 4)."""
     x0, y0, x1, y1 = bbox.T
-    return np.stack([(x0 + x1) / 2, y1, y1 - y0, x1 - x0], axis=1)
-
-
-def _measurement_noise(height_px: FloatArray) -> FloatArray:
-    noise = np.zeros((len(height_px), _MEASURED, _MEASURED))
-    noise[:, 0, 0] = noise[:, 1, 1] = (FOOT_STD * height_px) ** 2
-    noise[:, 2, 2] = noise[:, 3, 3] = (SIZE_STD * height_px) ** 2
-    return noise
-
-
-def _process_noise(elapsed_s: float, height_px: FloatArray) -> FloatArray:
-    """Return the discrete white-noise acceleration model's covariance (Bar-Shalom 2001, 6.3.2)."""
-    noise = np.zeros((len(height_px), _STATES, _STATES))
-    acceleration = (ACCELERATION_STD * height_px) ** 2
-    for position, velocity in ((0, 4), (1, 5)):
-        noise[:, position, position] = acceleration * elapsed_s**4 / 4
-        noise[:, position, velocity] = acceleration * elapsed_s**3 / 2
-        noise[:, velocity, position] = acceleration * elapsed_s**3 / 2
-        noise[:, velocity, velocity] = acceleration * elapsed_s**2
-    noise[:, 2, 2] = (HEIGHT_CHANGE_STD * height_px) ** 2 * elapsed_s
-    noise[:, 3, 3] = (WIDTH_CHANGE_STD * height_px) ** 2 * elapsed_s
-    return noise
+    return np.stack([(x0 + x1) / 2, y1, y1 - y0, x1 - x0])

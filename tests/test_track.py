@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from pipeline.config import TrackConfig
 from pipeline.records import Boxes
-from pipeline.track import ACCELERATION_STD, FOOT_STD, SPEED_STD, Tracker
+from pipeline.track import Tracker
+from pipeline.track_filter import ACCELERATION_STD, FOOT_STD, SPEED_STD
 
 FRAME_NS = 40_000_000
 
@@ -105,7 +106,7 @@ def test_the_filter_is_the_textbooks() -> None:
             gain = covariance[:, 0] / (covariance[0, 0] + r)
             state = state + gain * (x - state[0])
             covariance = covariance - np.outer(gain, covariance[0])
-    np.testing.assert_allclose(tracker._state[0, [0, 4]], state, rtol=1e-6)
+    np.testing.assert_allclose(tracker._filters.state[0, [0, 4]], state, rtol=1e-6)
 
 
 def test_frames_without_anything_and_clocks_that_jump_back_do_no_harm() -> None:
