@@ -1,6 +1,6 @@
 """The street's camera, found from the people who walk there, beside its published survey.
 
-    python -m bench.street
+    python -m bench.street [RECORDING of the same camera]
 
 `street` is the first view of PETS 2009 S2.L1, whose cameras were surveyed with Tsai's method; the
 figures below are those that public projection code for the data set carries. `run` is told nothing of
@@ -15,6 +15,7 @@ heights by the survey say so, and the difference is inside the stated interval o
 from __future__ import annotations
 
 import math
+import sys
 import tempfile
 from pathlib import Path
 
@@ -99,11 +100,11 @@ def _rays(points_px: Floats) -> Floats:
     return np.column_stack([plane, np.ones(len(plane))])
 
 
-def main() -> None:
+def main(recording: Path = STREET) -> None:
     """Run on the recording alone, and print what came out beside the survey."""
     with tempfile.TemporaryDirectory(prefix="stadimeter-street-") as folder:
         database = Path(folder) / "street.duckdb"
-        run([STREET], database, Config())
+        run([recording], database, Config())
         with Store.open(database, read_only=True) as store:
             found = store.query(_FOUND).to_pylist()
             boxes = store.query(_BOXES).to_pandas()
@@ -155,4 +156,4 @@ def _print_pose(found: dict[str, float]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(Path, sys.argv[1:2]))
