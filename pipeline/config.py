@@ -41,9 +41,21 @@ class Limits:
     """Bounds on what a file may claim, checked before memory is taken."""
 
     record_bytes: int = 256 * 1024**2  # one MCAP record; a 4K raw frame is 33 MB
-    chunk_bytes: int = 512 * 1024**2  # one chunk, decompressed
-    image_pixels: int = 100_000_000  # one picture; the largest sensors of today
+    chunk_bytes: int = 256 * 1024**2  # one chunk, decompressed; writers make them of 1 to 50 MB
+    message_bytes: int = 16 * 1024**2  # one that is no picture: parsed, it takes some 30 times that
+    schema_bytes: int = 2 * 1024**2  # one schema; a set of messages with all its imports is 100 kB
+    all_schema_bytes: int = 64 * 1024**2
+    metadata_bytes: int = 1024**2  # of a channel; of all metadata records together
+    name_bytes: int = 1024  # a topic, the name of a schema, an encoding, a frame_id
     channels: int = 4096
+    cameras: int = 64  # topics with pictures; each has a detector, with a background of its own
+    sources: int = 1024  # topics and frame_ids that bring exposure, calibration, truth, boxes
+    objects: int = 10_000  # boxes or true objects in one message
+    waiting_bytes: int = 256 * 1024**2  # pictures that wait, encoded, for what belongs to them
+    waiting_values: int = 100_000  # of one source, that wait for a picture
+    image_pixels: int = 100_000_000  # one picture; the largest sensors of today
+    image_scans: int = 100  # of one JPEG, usually 10; each is a pass over the whole picture
+    search_places: int = 1_000_000  # that are tried, in all, to find records behind damage
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,8 @@ from pipeline.store.database import Store
 if TYPE_CHECKING:
     from pipeline.calibration_run import FittedToTruth
 
+MAX_SHOWN = 10  # losses; the others are in the table `diagnostics`
+
 
 def print_run(result: RunResult, database: Path) -> None:
     """Print what became of each recording, the damage, and where the results are."""
@@ -31,17 +33,17 @@ def print_run(result: RunResult, database: Path) -> None:
         print_rows("Recordings", ("file", "frames", "lost", ""), rows)
     for outcome in result.failed:
         err.print(f"stadimeter: {safe(outcome.error)}", soft_wrap=True)
-    if result.damaged:
-        lost = sum(o.recording.frames_lost for o in result.damaged if o.recording is not None)
-        out.print(
-            f"{lost:,} frames were lost to damage; see the table diagnostics:", style="yellow"
-        )
-        with Store.open(database, read_only=True) as store:
-            print_damage(store, result.run_id)
     out.print(f"database  {safe(database)}", soft_wrap=True)
     for outcome in result.outcomes:
         if outcome.timeline is not None:
             out.print(f"timeline  {safe(outcome.timeline)}", soft_wrap=True)
+    if result.damaged:
+        with Store.open(database, read_only=True) as store:
+            print_damage(store, result.run_id)
+            least = "at least " if ends_are_missing(store, result.run_id) else ""
+        lost = sum(o.recording.frames_lost for o in result.damaged if o.recording is not None)
+        text = f"{least}{lost:,} frames were lost to damage; the table diagnostics says where"
+        out.print(text, style="yellow")
 
 
 def print_profile(result: RunResult) -> None:
@@ -68,14 +70,25 @@ def print_damage(store: Store, run_id: str) -> None:
     """Print the first diagnostics of a run that say what was lost."""
     found = store.query(
         "SELECT file_name, byte_offset, topic, count, message FROM diagnostics "
-        "WHERE run_id = ? AND severity = 'error' LIMIT 10",
+        "WHERE run_id = ? AND severity = 'error'",
         [run_id],
-    )
-    for row in found.to_pylist():
+    ).to_pylist()
+    for row in found[:MAX_SHOWN]:
         place = f" byte {row['byte_offset']:,}" if row["byte_offset"] is not None else ""
         topic = f" {row['topic']}" if row["topic"] else ""
         times = f" ({row['count']:,} times)" if row["count"] > 1 else ""
         out.print(f"  {safe(row['file_name'])}{place}{safe(topic)}: {safe(row['message'])}{times}")
+    if len(found) > MAX_SHOWN:
+        out.print(f"  and {len(found) - MAX_SHOWN:,} more")
+
+
+def ends_are_missing(store: Store, run_id: str) -> bool:
+    """Whether a recording of a run was cut, so that nobody knows what came after."""
+    found = store.query(
+        "SELECT count(*) AS n FROM diagnostics WHERE run_id = ? AND code = 'truncated_file'",
+        [run_id],
+    )
+    return found.to_pylist()[0]["n"] > 0
 
 
 def print_tracks(store: Store, recording_id: str, title: str) -> int:

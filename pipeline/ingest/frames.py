@@ -14,7 +14,7 @@ from typing import Any
 from pipeline.config import IngestConfig
 from pipeline.diagnostics import Notes
 from pipeline.ingest.lanes import Lane
-from pipeline.ingest.mcap_records import ChannelInfo, McapFile, RawMessage
+from pipeline.ingest.mcap_records import MAX_TIME_NS, ChannelInfo, McapFile, RawMessage
 from pipeline.ingest.messages import (
     Decoded,
     EncodedImage,
@@ -26,8 +26,7 @@ from pipeline.ingest.messages import (
 )
 from pipeline.records import UNKNOWN_EXPOSURE, Diagnostic, Frame, Pairing, Severity
 
-MAX_TIME_NS = 2**63 - 1
-MAX_WAITING = 64  # pictures; bounds the memory where log times make no sense
+MAX_WAITING = 64  # pictures, where log times make no sense; `Limits` bounds their bytes
 
 
 @dataclass(order=True, slots=True)
@@ -53,7 +52,10 @@ class FrameAssembler:
         self._look_ahead_ns = max(self._tolerance_ns, round(config.reorder_s * 1e9))
         self._lanes: dict[tuple[Kind, str, str], Lane[Any]] = {}
         self._lane_of: dict[tuple[Kind, str], Lane[Any] | None] = {}
+        self._limits = file.limits
+        self._images_refused = 0
         self._waiting: list[_Waiting] = []
+        self._waiting_bytes = 0
         self._newest_ns = 0
         self._order = 0
         self._frame_counts: dict[str, int] = {}
@@ -65,11 +67,12 @@ class FrameAssembler:
 
     @property
     def frames_lost(self) -> int:
-        """How many pictures are known to have been lost with damaged parts of the file."""
-        return sum(
-            note.count
-            for note in self._notes
-            if note.code == "lost_messages" and note.topic in self.cameras
+        """How many pictures are known to have been lost or could not be read as messages."""
+        channels = self.file.channels
+        return self._images_refused + sum(
+            count
+            for channel_id, count in self.file.lost_counts.items()
+            if channel_id in channels and kind_of(channels[channel_id]) is Kind.IMAGE
         )
 
     def __iter__(self) -> Iterator[Frame]:
@@ -79,7 +82,7 @@ class FrameAssembler:
                 self._take(kind, raw)
                 yield from self._release()
         while self._waiting:
-            yield self._assemble(heapq.heappop(self._waiting))
+            yield self._assemble(self._next_waiting())
 
     def _kind(self, raw: RawMessage) -> Kind | None:
         key = (raw.channel_id, raw.channel)
@@ -97,34 +100,52 @@ class FrameAssembler:
 
     def _take(self, kind: Kind, raw: RawMessage) -> None:
         if raw.log_time_ns > MAX_TIME_NS:
-            self._note(Severity.ERROR, "invalid_time", "the log time is beyond the year 2262", raw)
+            self._refuse(kind, "invalid_time", "the log time is beyond the year 2262", raw)
+            return
+        if kind is not Kind.IMAGE and len(raw.data) > self._limits.message_bytes:
+            text = f"a {kind} message of {len(raw.data):,} bytes, the limit is "
+            text += f"{self._limits.message_bytes:,}"
+            self._refuse(kind, "oversized_message", text, raw)
             return
         try:
             message = decode(kind, raw.data)
         except UndecodableMessage as error:
-            self._note(Severity.ERROR, "damaged_message", f"no {kind} message: {error}", raw)
+            self._refuse(kind, "damaged_message", f"no {kind} message: {error}", raw)
             return
         for sentence in message.refused:
             code = "invalid_exposure" if kind is Kind.EXPOSURE else "invalid_value"
             self._note(Severity.WARNING, code, sentence, raw)
+        if len(message.frame_id) > self._limits.name_bytes:
+            self._refuse(kind, "oversized_name", "its frame_id is too long", raw)
+            return
         self._newest_ns = max(self._newest_ns, raw.log_time_ns)
         if isinstance(message.payload, EncodedImage):
             self._enqueue(message, message.payload, raw)
         else:
-            self._lane(kind, raw, message).add(
-                raw.log_time_ns if message.capture_time_ns is None else message.capture_time_ns,
-                message.payload,
-            )
+            lane = self._lane(kind, raw, message)
+            if lane is not None:
+                stated_ns = message.capture_time_ns
+                lane.add(raw.log_time_ns if stated_ns is None else stated_ns, message.payload)
+
+    def _refuse(self, kind: Kind, code: str, problem: str, raw: RawMessage) -> None:
+        if kind is Kind.IMAGE:
+            self._images_refused += 1
+        self._note(Severity.ERROR, code, problem, raw)
 
     def _enqueue(self, message: Decoded, image: EncodedImage, raw: RawMessage) -> None:
         topic = raw.channel.topic
         if topic not in self.cameras:
+            if len(self.cameras) >= self._limits.cameras:
+                text = f"more than {self._limits.cameras} topics with pictures"
+                self._refuse(Kind.IMAGE, "too_many_cameras", text, raw)
+                return
             taken = message.frame_id in self.frame_ids
             camera = topic if taken or not message.frame_id else message.frame_id
             self.cameras[topic] = camera
             self.frame_ids[camera] = message.frame_id
             self._lane_of.clear()
         self._order += 1
+        self._waiting_bytes += len(image.data)
         heapq.heappush(
             self._waiting,
             _Waiting(
@@ -138,22 +159,34 @@ class FrameAssembler:
             ),
         )
 
-    def _lane(self, kind: Kind, raw: RawMessage, message: Decoded) -> Lane[Any]:
+    def _lane(self, kind: Kind, raw: RawMessage, message: Decoded) -> Lane[Any] | None:
         key = (kind, raw.channel.topic, message.frame_id)
-        lane = self._lanes.get(key)
-        if lane is None:
-            stated = message.capture_time_ns is not None
-            lane = Lane(raw.channel.topic, message.frame_id, by_capture_time=stated)
-            self._lanes[key] = lane
-            self._lane_of.clear()
+        if key in self._lanes:
+            return self._lanes[key]
+        if len(self._lanes) >= self._limits.sources:
+            text = f"more than {self._limits.sources:,} sources (topics and frame_ids)"
+            self._refuse(kind, "too_many_sources", text, raw)
+            return None
+        stated, limit = message.capture_time_ns is not None, self._limits.waiting_values
+        lane: Lane[Any] = Lane(
+            raw.channel.topic, message.frame_id, by_capture_time=stated, limit=limit
+        )
+        self._lanes[key] = lane
+        self._lane_of.clear()
         return lane
 
     def _release(self) -> Iterator[Frame]:
         while self._waiting and (
             self._waiting[0].log_time_ns + self._look_ahead_ns < self._newest_ns
             or len(self._waiting) > MAX_WAITING
+            or self._waiting_bytes > self._limits.waiting_bytes
         ):
-            yield self._assemble(heapq.heappop(self._waiting))
+            yield self._assemble(self._next_waiting())
+
+    def _next_waiting(self) -> _Waiting:
+        waiting = heapq.heappop(self._waiting)
+        self._waiting_bytes -= len(waiting.image.data)
+        return waiting
 
     def _assemble(self, waiting: _Waiting) -> Frame:
         camera, image = waiting.camera, waiting.image

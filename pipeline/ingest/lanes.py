@@ -19,12 +19,18 @@ class Paired(NamedTuple, Generic[T]):
 
 
 class Lane(Generic[T]):
-    """Values sorted by time. Old ones are forgotten, but for the last before what is still asked."""
+    """Values sorted by time. Old ones are forgotten, but for the last before what is still asked.
 
-    def __init__(self, topic: str, frame_id: str, *, by_capture_time: bool) -> None:
+    Where no frame asks, the oldest are forgotten too, so that no more than `limit` wait.
+    """
+
+    def __init__(
+        self, topic: str, frame_id: str, *, by_capture_time: bool, limit: int = 100_000
+    ) -> None:
         self.topic = topic
         self.frame_id = frame_id
         self.by_capture_time = by_capture_time
+        self._limit = limit
         self._times: list[int] = []
         self._values: list[T] = []
 
@@ -33,6 +39,9 @@ class Lane(Generic[T]):
         at = bisect_right(self._times, time_ns)
         self._times.insert(at, time_ns)
         self._values.insert(at, value)
+        if len(self._times) > self._limit:
+            oldest = self._limit // 4 + 1  # many at once, so that it costs nothing a message
+            del self._times[:oldest], self._values[:oldest]
 
     def nearest(self, time_ns: int, tolerance_ns: int) -> Paired[T] | None:
         """Return the value nearest in time, if it is within the tolerance."""

@@ -1,52 +1,61 @@
 """From the bytes of an MCAP file to its messages, in file order, past whatever is damaged.
 
-The `mcap` library's stream reader stops at the first damaged record and does not tell where it
-was; evidence must not stop there. So the framing (one byte opcode, eight bytes length) is walked
-here, bounded by the size of the file, and the library parses what is inside. Every CRC that a file
-has is checked. A chunk that fails costs that chunk.
+Evidence must not stop at the first damaged record. So the framing (one byte opcode, eight bytes
+length) is walked here, bounded by the size of the file; where it breaks, the next place at which
+records start is looked for. Every CRC that a file has is checked. A chunk that fails costs that
+chunk; of a chunk that is cut off the messages before the cut are kept.
+
+Each loss is told with its place and its time, and the messages that were lost are counted: by the
+message indexes behind a bad chunk, by what can still be made out in it, and in the end by the
+statistics of the summary.
 
 Source: the MCAP format specification, version 0.
 """
 
 from __future__ import annotations
 
-import hashlib
-import struct
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator
-from io import BytesIO
+from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, TypeVar
+from typing import NamedTuple
 
-import lz4.frame
-import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, MessageIndex, Metadata, Schema
 
 from pipeline.config import Limits
 from pipeline.errors import NotARecording, Where
+from pipeline.ingest.forward_file import ForwardFile
+from pipeline.ingest.mcap_chunk import WrongContent, unpacked, unpacked_as_far_as_possible
+from pipeline.ingest.mcap_format import (
+    FIRST_PRIVATE_OPCODE,
+    FRAMING,
+    KNOWN_OPCODES,
+    MAGIC,
+    MESSAGE_HEAD,
+    ChunkRecord,
+    Fields,
+    Malformed,
+    MetadataRecord,
+    content_length,
+    read_chunk,
+    read_cut_chunk,
+    read_data_crc,
+    read_footer,
+    read_message_index,
+    read_metadata,
+    read_statistics,
+)
+from pipeline.ingest.mcap_search import RecordSearch
+from pipeline.ingest.mcap_topics import ChannelInfo, Topics
 from pipeline.records import Diagnostic, Severity
 
-MAGIC = b"\x89MCAP0\r\n"
-_FRAMING = struct.Struct("<BQ")
-_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel id, sequence, log time, publish time
-_FOOTER = struct.Struct("<QQI")  # summary start, summary offset start, summary CRC
+__all__ = ["MAX_TIME_NS", "ChannelInfo", "McapFile", "Note", "RawMessage"]
+
+MAX_TIME_NS = 2**63 - 1  # what Arrow and DuckDB hold
+_BLOCK = 1 << 20
 
 Note = Callable[[Diagnostic], None]
-R = TypeVar("R")
-
-
-class ChannelInfo(NamedTuple):
-    """A channel and its schema, as far as the file has one."""
-
-    topic: str
-    message_encoding: str
-    schema_name: str
-    schema_encoding: str
-    schema_data: bytes = b""
-    metadata: tuple[tuple[str, str], ...] = ()
 
 
 class RawMessage(NamedTuple):
@@ -61,8 +70,13 @@ class RawMessage(NamedTuple):
     sequence: int = 0
 
 
-class _Damage(Exception):
-    """A record that cannot be read; the text says why."""
+class _LostChunk(NamedTuple):
+    """A chunk that was left out, until the message indexes behind it were read."""
+
+    offset: int
+    start_ns: int
+    end_ns: int
+    counts: Counter[int]  # messages by channel
 
 
 class McapFile:
@@ -72,21 +86,32 @@ class McapFile:
         """Open nothing yet; `note` receives a diagnostic for whatever is damaged."""
         self.path = path
         self.size_bytes = path.stat().st_size
-        self.metadata: list[Metadata] = []
-        self.channels: dict[int, ChannelInfo] = {}
-        self.message_counts: dict[int, int] = {}
-        self._limits = limits
+        self.metadata: list[MetadataRecord] = []
+        self.message_counts: Counter[int] = Counter()
+        self.lost_counts: Counter[int] = Counter()  # messages known to be lost, by channel
+        self.damage_count = 0  # rises wherever something was left out: a video has a gap there
+        self.limits = limits
         self._note = note
-        self._schemas: dict[int, Schema] = {}
-        self._sha256 = hashlib.sha256()
-        self._crc = 0
-        self._bad_chunk: Chunk | None = None
-        self._bad_chunk_offset = 0
+        self._topics = Topics(limits, self._tell)
+        self._source: ForwardFile
+        self._search: RecordSearch
+        self._sha256 = ""
+        self._lost_chunk: _LostChunk | None = None
+        self._gap: Diagnostic | None = None  # told when the time is known at which it ends
+        self._newest_ns: int | None = None
+        self._stated_counts: dict[int, int] = {}
+        self._metadata_bytes = 0
+        self._crc_holds = True
+
+    @property
+    def channels(self) -> dict[int, ChannelInfo]:
+        """The channels that were met so far, by id."""
+        return self._topics.channels
 
     @property
     def content_sha256(self) -> str:
         """SHA-256 of the whole file; valid after `messages` is exhausted."""
-        return self._sha256.hexdigest()
+        return self._sha256
 
     def messages(self) -> Iterator[RawMessage]:
         """Yield every message that can be read.
@@ -95,8 +120,9 @@ class McapFile:
             NotARecording: the file is empty, or is no MCAP.
         """
         where = Where(self.path)
-        with self.path.open("rb", buffering=1 << 20) as stream:
-            magic = self._read(stream, len(MAGIC))
+        with ForwardFile(self.path) as source:
+            self._source = self._topics.source = source
+            magic = source.read(len(MAGIC))
             if not magic:
                 raise NotARecording("the file is empty", where=where)
             if magic != MAGIC:
@@ -105,251 +131,502 @@ class McapFile:
                     where=where,
                     remedy="`stadimeter import` makes a recording of a video",
                 )
-            yield from self._walk(stream)
-            while self._read(stream, 1 << 20):
-                pass  # the hash is of the whole file, read or not
+            self._search = RecordSearch(
+                source.peek, source.size, self._topics.knows, self.limits.search_places
+            )
+            while True:
+                yield from self._walk()
+                self._close_recording()
+                if not self._another_follows():
+                    break
+            source.skip_to(source.size)  # the hash is of the whole file, read or not
+            self._sha256 = source.sha256
 
-    def _read(self, stream: BinaryIO, length: int) -> bytes:
-        data = stream.read(length)
-        self._sha256.update(data)
-        return data
+    # The walk over the records outside of chunks
 
-    def _walk(self, stream: BinaryIO) -> Iterator[RawMessage]:
-        self._crc = zlib.crc32(MAGIC)
+    def _walk(self) -> Iterator[RawMessage]:
+        """Yield the messages up to the closing magic, or to the end of the file."""
+        source, unsure_from = self._source, None
         while True:
-            offset = stream.tell()
-            head = self._read(stream, _FRAMING.size)
-            if len(head) < _FRAMING.size:
+            offset = source.position
+            crc = source.crc if source.peek_next() in (Opcode.DATA_END, Opcode.FOOTER) else 0
+            head = source.read(FRAMING.size)
+            if len(head) < FRAMING.size:
                 self._truncated(offset, "the file ends without a footer")
                 return
-            opcode, length = _FRAMING.unpack(head)
-            rest = self.size_bytes - stream.tell()
-            if opcode == 0 or length > min(rest, self._limits.record_bytes):
-                if length > rest and opcode in set(Opcode):
-                    self._truncated(
-                        offset,
-                        f"a {Opcode(opcode).name} record claims {length:,} bytes, {rest:,} are left",
-                    )
-                else:
-                    self._truncated(
-                        offset, f"no record starts here (opcode {opcode}, length {length:,})"
-                    )
-                resume = self._next_chunk_after(offset)
-                if resume is None:
+            opcode, length = FRAMING.unpack(head)
+            length = self._mended(offset, opcode, length)
+            rest = source.size - source.position
+            if opcode == 0 or length > rest:
+                if opcode == Opcode.CHUNK and length == content_length(opcode, offset, source.peek):
+                    yield from self._cut_chunk(offset, length, rest)
                     return
-                self._skip_to(stream, resume)
+                resume = self._search.next_record((unsure_from or offset) + 1)
+                if not self._pass_over(offset, opcode, length, resume):
+                    return
+                unsure_from = None
                 continue
-            body = self._read(stream, length)
+            # The length of a message that is in no chunk is its own only witness.
+            unsure_from = offset if opcode == Opcode.MESSAGE else None
+            if opcode == Opcode.ATTACHMENT:
+                self._check_attachment(offset, length)
+                continue
+            if length > self.limits.record_bytes:
+                self._oversized(opcode, offset, length)
+                continue
+            body = source.read(length)
             if len(body) < length:
                 self._truncated(offset, "the file shrank while it was read")
                 return
             if opcode == Opcode.FOOTER:
-                return
-            if opcode == Opcode.DATA_END:
-                self._check_data_end(body, offset)
-            else:
-                self._crc = zlib.crc32(body, zlib.crc32(head, self._crc))
+                if self._is_end(body, offset, crc):
+                    return
+                continue
             try:
-                yield from self._record(opcode, body, offset)
-            except (_Damage, McapError, ValueError, struct.error, UnicodeDecodeError) as error:
+                if opcode == Opcode.DATA_END:
+                    self._check_data_end(body, offset, crc)
+                else:
+                    yield from self._record(opcode, body, offset)
+            except Malformed as error:
                 self._damaged_record(opcode, offset, error)
 
-    def _record(self, opcode: int, body: bytes, offset: int) -> Iterator[RawMessage]:
+    def _mended(self, offset: int, opcode: int, length: int) -> int:
+        """Return the length of a record: what its own fields say, if only that leads on."""
+        source = self._source
+        if opcode == Opcode.MESSAGE or opcode not in KNOWN_OPCODES:
+            return length
+        stated = content_length(opcode, offset, source.peek)
+        if stated is None or stated == length or offset + FRAMING.size + stated > source.size:
+            return length
+        after = offset + FRAMING.size
+        if self._leads_on(after + length) or not self._leads_on(after + stated):
+            return length
+        self._damage(
+            "wrong_length",
+            f"a {_name(opcode)} record claims {length:,} bytes and holds {stated:,}; it was read "
+            "by what it holds",
+            offset,
+        )
+        return stated
+
+    def _leads_on(self, offset: int) -> bool:
+        """Whether records go on here, or the file ends."""
+        source = self._source
+        if offset >= source.size:
+            return offset == source.size
+        if source.peek(offset, len(MAGIC)) == MAGIC:
+            return True
+        return self._search.starts_record(offset)
+
+    def _record(self, opcode: int, body: bytes | memoryview, offset: int) -> Iterator[RawMessage]:
+        if self._lost_chunk is not None and opcode != Opcode.MESSAGE_INDEX:
+            self._tell_lost_chunk()
         if opcode == Opcode.CHUNK:
-            yield from self._chunk(body, offset)
+            yield from self._chunk(read_chunk(body), offset)
         elif opcode == Opcode.MESSAGE:
-            yield from self._message(body, offset)
+            if len(body) < MESSAGE_HEAD.size:
+                raise Malformed(f"a message of {len(body)} bytes")
+            message = self._message(body, 0, len(body), offset)
+            if message is not None:
+                yield message
         elif opcode == Opcode.SCHEMA:
-            self._add_schema(_parse(Schema, body))
+            self._topics.add_schema(body)
         elif opcode == Opcode.CHANNEL:
-            self._add_channel(_parse(Channel, body), offset)
+            self._topics.add_channel(body, offset)
         elif opcode == Opcode.MESSAGE_INDEX:
-            self._count_lost(_parse(MessageIndex, body))
+            self._count_lost(*read_message_index(body))
         elif opcode == Opcode.METADATA:
-            self.metadata.append(_parse(Metadata, body))
-
-    def _add_schema(self, schema: Schema) -> None:
-        self._schemas[schema.id] = schema
-
-    def _add_channel(self, channel: Channel, offset: int) -> None:
-        if channel.id not in self.channels and len(self.channels) >= self._limits.channels:
-            raise _Damage(f"more than {self._limits.channels} channels")
-        schema = self._schemas.get(channel.schema_id)
-        if schema is None and channel.schema_id != 0:
-            self._note(
-                Diagnostic(
-                    Severity.WARNING,
-                    "missing_schema",
-                    f"the channel names schema {channel.schema_id}, which the file does not hold",
-                    topic=channel.topic,
-                    byte_offset=offset,
-                )
+            self._add_metadata(body)
+        elif opcode == Opcode.STATISTICS:
+            self._stated_counts = read_statistics(body)
+        elif opcode not in KNOWN_OPCODES and opcode < FIRST_PRIVATE_OPCODE:
+            self._tell(
+                Severity.INFO, "unknown_record", f"records of opcode {opcode} are not known", offset
             )
-        self.channels[channel.id] = ChannelInfo(
-            channel.topic,
-            channel.message_encoding,
-            schema.name if schema else "",
-            schema.encoding if schema else "",
-            schema.data if schema else b"",
-            tuple(channel.metadata.items()),
-        )
 
-    def _message(self, body: bytes, offset: int) -> Iterator[RawMessage]:
-        if len(body) < _MESSAGE_HEAD.size:
-            raise _Damage(f"a message of {len(body)} bytes")
-        channel_id, sequence, log_time_ns, publish_time_ns = _MESSAGE_HEAD.unpack_from(body)
-        channel = self.channels.get(channel_id)
-        if channel is None:
-            raise _Damage(f"a message of channel {channel_id}, which the file does not declare")
-        self.message_counts[channel_id] = self.message_counts.get(channel_id, 0) + 1
-        data = body[_MESSAGE_HEAD.size :]
-        yield RawMessage(channel_id, channel, log_time_ns, data, offset, publish_time_ns, sequence)
+    def _add_metadata(self, body: bytes | memoryview) -> None:
+        self._metadata_bytes += len(body)
+        limit = self.limits.metadata_bytes
+        if self._metadata_bytes > limit:
+            raise Malformed(f"metadata of more than {limit:,} bytes in all")
+        self.metadata.append(read_metadata(body, self.limits.name_bytes, limit))
 
-    def _chunk(self, body: bytes, offset: int) -> Iterator[RawMessage]:
-        chunk = _parse(Chunk, body)
+    # Chunks
+
+    def _chunk(self, chunk: ChunkRecord, offset: int) -> Iterator[RawMessage]:
+        start_ns, end_ns = chunk.message_start_time, chunk.message_end_time
+        self._close_gap(start_ns)
         try:
-            data = self._decompress(chunk)
-        except (_Damage, RuntimeError, zstandard.ZstdError) as error:
-            self._bad_chunk, self._bad_chunk_offset = chunk, offset
-            self._note(
-                Diagnostic(
-                    Severity.ERROR,
-                    "damaged_chunk",
-                    f"a chunk of {len(body):,} bytes was left out: {error}",
-                    byte_offset=offset,
-                    log_time_ns=chunk.message_start_time,
-                    end_time_ns=chunk.message_end_time,
+            data = unpacked(chunk, self.limits.chunk_bytes)
+        except Malformed as error:
+            self._damage(
+                "damaged_chunk",
+                f"a chunk of {len(chunk.data):,} bytes was left out: {error}",
+                offset,
+                start_ns,
+                end_ns,
+            )
+            counts = _count_messages(error.data) if isinstance(error, WrongContent) else Counter()
+            self._lost_chunk = _LostChunk(offset, start_ns, end_ns, counts)
+            return
+        yield from self._records_in(memoryview(data), offset, (start_ns, end_ns))
+
+    def _records_in(
+        self, data: memoryview, offset: int, span_ns: tuple[int, int] | None = None
+    ) -> Iterator[RawMessage]:
+        """Yield the messages among the records of a chunk."""
+        head, size, position = MESSAGE_HEAD.size, len(data), 0
+        while position < size:
+            start = position + FRAMING.size
+            opcode, length = FRAMING.unpack_from(data, position) if start <= size else (0, 0)
+            end = start + length
+            if opcode == Opcode.MESSAGE and head <= length and end <= size:
+                message = self._message(data, start, end, offset)
+                if message is not None:
+                    yield message
+            elif opcode == 0 or end > size:
+                search = RecordSearch(_peek_in(data), size, self._topics.knows, self._search.budget)
+                resume = search.next_record(position + 1)
+                self._search.budget = search.budget
+                self._damage(
+                    "damaged_record",
+                    f"{(resume or size) - position:,} bytes in a chunk are no record",
+                    offset,
+                    *(span_ns or (self._newest_ns, None)),
                 )
+                end = resume or size
+            else:
+                self._small_record(opcode, data[start:end], offset)
+            position = end
+
+    def _message(
+        self, data: bytes | memoryview, start: int, end: int, offset: int
+    ) -> RawMessage | None:
+        """Return the message between `start` and `end`; None if its channel is unknown."""
+        channel_id, sequence, log_time_ns, publish_ns = MESSAGE_HEAD.unpack_from(data, start)
+        channel_id += self._topics.first_id
+        channel = self._topics.channels.get(channel_id) or self._from_summary(channel_id, offset)
+        if channel is None:
+            return None
+        self._newest_ns = log_time_ns
+        if self._gap is not None:
+            self._close_gap(log_time_ns)
+        self.message_counts[channel_id] += 1
+        content = bytes(data[start + MESSAGE_HEAD.size : end])
+        return RawMessage(channel_id, channel, log_time_ns, content, offset, publish_ns, sequence)
+
+    def _small_record(self, opcode: int, body: memoryview, offset: int) -> None:
+        try:
+            if opcode == Opcode.SCHEMA:
+                self._topics.add_schema(bytes(body))
+            elif opcode == Opcode.CHANNEL:
+                self._topics.add_channel(bytes(body), offset)
+            elif opcode == Opcode.MESSAGE:
+                raise Malformed(f"a message of {len(body)} bytes")
+        except Malformed as error:
+            self._damaged_record(opcode, offset, error)
+
+    def _from_summary(self, channel_id: int, offset: int) -> ChannelInfo | None:
+        """Return a channel whose own record was lost, if the summary repeats it."""
+        found = self._topics.from_summary(channel_id, offset)
+        if found is None:
+            self._damage(
+                "unknown_channel",
+                "messages of a channel that the file does not declare were left out",
+                offset,
+                self._newest_ns,
             )
-            return
-        self._bad_chunk = None
-        position = 0
-        while position + _FRAMING.size <= len(data):
-            opcode, length = _FRAMING.unpack_from(data, position)
-            position += _FRAMING.size
-            if length > len(data) - position:
-                raise _Damage(f"a record in a chunk claims {length:,} bytes")
-            yield from self._record_in_chunk(opcode, data[position : position + length], offset)
-            position += length
+        return found
 
-    def _record_in_chunk(self, opcode: int, body: bytes, offset: int) -> Iterator[RawMessage]:
-        if opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
-            try:
-                yield from self._record(opcode, body, offset)
-            except (_Damage, McapError, ValueError, struct.error, UnicodeDecodeError) as error:
-                self._damaged_record(opcode, offset, error)
+    def _cut_chunk(self, offset: int, length: int, rest: int) -> Iterator[RawMessage]:
+        """Yield the whole messages of the chunk in which the file was cut."""
+        before, newest_ns = self.message_counts.total(), self._newest_ns
+        problem = f"a CHUNK record claims {length:,} bytes, {rest:,} are left"
+        if rest <= self.limits.record_bytes:
+            chunk = read_cut_chunk(self._source.read(rest))
+            data = unpacked_as_far_as_possible(chunk, self.limits.chunk_bytes)
+            yield from self._records_in(memoryview(data)[: _whole_records(data)], offset)
+            kept = self.message_counts.total() - before
+            problem += f"; {kept:,} messages of it were kept, which no CRC covers"
+        self._truncated(offset, problem, newest_ns)
 
-    def _decompress(self, chunk: Chunk) -> bytes:
-        size = chunk.uncompressed_size
-        if size > self._limits.chunk_bytes:
-            raise _Damage(f"it claims {size:,} bytes, the limit is {self._limits.chunk_bytes:,}")
-        if chunk.compression == "lz4":
-            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
-        elif chunk.compression == "zstd":
-            if zstandard.frame_content_size(chunk.data) > size:  # else it is allocated at once
-                raise _Damage("it expands to more than it claims")
-            data = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size + 1)
-        elif chunk.compression == "":
-            data = chunk.data
-        else:
-            raise _Damage(f"compression {chunk.compression!r} is not known")
-        if len(data) != size:
-            raise _Damage(f"it holds {len(data):,} bytes where it claims {size:,}")
-        if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-            raise _Damage("its CRC does not fit its content")
-        return data
+    # What was lost
 
-    def _count_lost(self, index: MessageIndex) -> None:
+    def _count_lost(self, channel_id: int, count: int) -> None:
+        """Take the count of a message index behind a damaged chunk: it is the chunk's own."""
+        if self._lost_chunk is not None and count:
+            self._lost_chunk.counts[channel_id] = count
+
+    def _tell_lost_chunk(self) -> None:
         """Say how many messages of which topic a damaged chunk took with it."""
-        chunk = self._bad_chunk
-        if chunk is None or not index.records:
+        chunk, self._lost_chunk = self._lost_chunk, None
+        if chunk is None:
             return
-        channel = self.channels.get(index.channel_id)
-        self._note(
-            Diagnostic(
-                Severity.ERROR,
-                "lost_messages",
-                "messages were lost with a damaged chunk"
-                + (f" ({channel.schema_name})" if channel else ""),
-                topic=channel.topic if channel else None,
-                byte_offset=self._bad_chunk_offset,
-                log_time_ns=chunk.message_start_time,
-                end_time_ns=chunk.message_end_time,
-                count=len(index.records),
+        for channel_id, count in chunk.counts.items():
+            self._lose(
+                channel_id + self._topics.first_id,
+                count,
+                "messages were lost with a damaged chunk",
+                (chunk.offset, chunk.start_ns, chunk.end_ns),
             )
+
+    def _lose(
+        self,
+        channel_id: int,
+        count: int,
+        how: str,
+        place: tuple[int | None, int | None, int | None] = (None, None, None),
+    ) -> None:
+        channel = self.channels.get(channel_id) or self._topics.from_summary(channel_id, None)
+        self.lost_counts[channel_id] += count
+        self._damage(
+            "lost_messages",
+            how + (f" ({channel.schema_name})" if channel else ""),
+            *place,
+            topic=channel.topic if channel else None,
+            count=count,
         )
 
-    def _check_data_end(self, body: bytes, offset: int) -> None:
-        expected = _parse(DataEnd, body).data_section_crc
-        if expected and expected != self._crc:
-            self._note(
-                Diagnostic(
-                    Severity.ERROR,
-                    "data_crc",
-                    "the CRC of the data section does not fit: bytes outside the chunks' own CRCs, "
-                    "or inside a chunk reported above, were changed",
-                    byte_offset=offset,
-                )
+    def _close_recording(self) -> None:
+        """At the end: hold what was read against what the summary counted."""
+        self._tell_lost_chunk()
+        self._close_gap(None)
+        for stated_id, stated in self._stated_counts.items():
+            channel_id = stated_id + self._topics.first_id
+            missing = stated - self.message_counts[channel_id] - self.lost_counts[channel_id]
+            # A count that no file can hold is not believed.
+            if 0 < missing <= self._source.size:
+                self._lose(channel_id, missing, "messages that the summary counts were not found")
+        self._stated_counts = {}
+
+    def _check_data_end(self, body: bytes | memoryview, offset: int, crc: int) -> None:
+        expected = read_data_crc(body)
+        if expected and self._crc_holds and expected != crc:
+            self._damage(
+                "data_crc",
+                "the CRC of the data section does not fit: bytes outside the chunks' own CRCs, "
+                "or inside a chunk reported above, were changed",
+                offset,
+            )
+        self._crc_holds = True
+        self._source.restart_crc()
+
+    def _is_end(self, body: bytes | memoryview, offset: int, crc: int) -> bool:
+        """Check the footer and the magic behind it; a footer in the middle is none."""
+        source = self._source
+        after = source.peek(source.position, len(MAGIC))
+        if after != MAGIC and self._leads_on(source.position) and source.position < source.size:
+            self._damage("damaged_record", "a footer in the middle was passed over", offset)
+            return False
+        try:
+            expected = read_footer(body).summary_crc
+        except Malformed as error:
+            self._damaged_record(Opcode.FOOTER, offset, error)
+            return True
+        inside = FRAMING.pack(Opcode.FOOTER, len(body)) + bytes(body[:16])
+        if expected and self._crc_holds and expected != zlib.crc32(inside, crc):
+            self._damage(
+                "summary_crc",
+                "the CRC of the summary does not fit; no frame comes from there, what the summary "
+                "repeats was taken from the records",
+                offset,
+            )
+        if source.read(len(MAGIC)) != MAGIC:
+            self._damage("truncated_file", "the magic bytes at the end are missing", offset)
+        return True
+
+    def _another_follows(self) -> bool:
+        """Whether another recording, or a lost part of this one, follows behind the end."""
+        source = self._source
+        start = source.position
+        if start >= source.size:
+            return False
+        if source.peek(start, len(MAGIC)) == MAGIC:
+            source.skip_to(start + len(MAGIC))
+            text = "another recording follows in the same file; it was read too"
+            self._tell(Severity.INFO, "another_recording", text, start)
+        else:
+            resume = self._search.next_record(start)
+            self._damage(
+                "bytes_after_end",
+                f"{(resume or source.size) - start:,} bytes behind the end are no record",
+                start,
+                self._newest_ns,
+            )
+            if resume is None:
+                return False
+            source.skip_to(resume)
+        self._topics.begin_another()
+        self._crc_holds = False  # it starts with the magic, which may be gone
+        return True
+
+    def _check_attachment(self, offset: int, length: int) -> None:
+        """Check the CRC of an attachment, block by block: it is not kept."""
+        source = self._source
+        end = source.position + length
+        stated = content_length(Opcode.ATTACHMENT, offset, source.peek)
+        if stated is None or stated > length:
+            self._damaged_record(
+                Opcode.ATTACHMENT, offset, Malformed("its fields do not fit its length")
+            )
+            source.skip_to(end)
+            return
+        crc, crc_at = 0, source.position + stated - 4
+        while source.position < crc_at:
+            crc = zlib.crc32(source.read(min(crc_at - source.position, _BLOCK)), crc)
+        expected = int.from_bytes(source.read(4), "little")
+        source.skip_to(end)
+        if expected and expected != crc:
+            name = self._attachment_name(offset)
+            self._damage(
+                "damaged_attachment",
+                f"the CRC of the attachment {name!r} does not fit; no frame comes from it",
+                offset,
+                self._newest_ns,
             )
 
-    def _truncated(self, offset: int, problem: str) -> None:
-        self._note(
-            Diagnostic(
-                Severity.ERROR,
-                "truncated_file",
-                f"{problem}; every whole record before it was kept",
-                byte_offset=offset,
-            )
+    def _attachment_name(self, offset: int) -> str:
+        limit = self.limits.name_bytes
+        fields = Fields(self._source.peek(offset + FRAMING.size, 20 + limit))
+        try:
+            fields.take(16)
+            return fields.text(limit)
+        except Malformed:
+            return "?"
+
+    # Telling
+
+    def _pass_over(self, offset: int, opcode: int, length: int, resume: int | None) -> bool:
+        """Move on to the next record, and say what was passed over; False if there is none."""
+        source = self._source
+        self._crc_holds = False
+        if resume is None:
+            self._truncated(offset, _not_a_record(opcode, length, source.size - source.position))
+            return False
+        self._close_gap(None)
+        self.damage_count += 1
+        self._gap = _diagnostic(
+            Severity.ERROR,
+            "lost_place",
+            f"{_not_a_record(opcode, length, source.size - source.position)}; "
+            f"records go on at byte {resume:,}",
+            offset,
+            self._newest_ns,
+        )
+        source.skip_to(resume)
+        return True
+
+    def _close_gap(self, time_ns: int | None) -> None:
+        gap, self._gap = self._gap, None
+        if gap is not None:
+            self._note(gap if time_ns is None else replace(gap, end_time_ns=_clamped(time_ns)))
+
+    def _oversized(self, opcode: int, offset: int, length: int) -> None:
+        self._damage(
+            "oversized_record",
+            f"a {_name(opcode)} record of {length:,} bytes was left out, the limit "
+            f"limits.record_bytes is {self.limits.record_bytes:,}",
+            offset,
+            self._newest_ns,
+        )
+        self._source.skip_to(self._source.position + length)
+
+    def _truncated(self, offset: int, problem: str, time_ns: int | None = None) -> None:
+        self._damage(
+            "truncated_file",
+            f"{problem}; every whole record before it was kept",
+            offset,
+            self._newest_ns if time_ns is None else time_ns,
         )
 
     def _damaged_record(self, opcode: int, offset: int, error: Exception) -> None:
-        name = Opcode(opcode).name if opcode in set(Opcode) else f"opcode {opcode}"
-        self._note(
-            Diagnostic(
-                Severity.ERROR,
-                "damaged_record",
-                f"a {name} record was left out: {error}",
-                byte_offset=offset,
-            )
-        )
+        text = f"a {_name(opcode)} record was left out: {error}"
+        self._damage("damaged_record", text, offset, self._newest_ns)
 
-    def _next_chunk_after(self, offset: int) -> int | None:
-        """Return where the next chunk starts, by the summary at the end of the file."""
-        try:
-            starts = [i.chunk_start_offset for i in self._chunk_indexes()]
-        except (McapError, ValueError, struct.error, OSError):
-            return None
-        return min((s for s in starts if s >= offset + _FRAMING.size), default=None)
+    def _damage(
+        self,
+        code: str,
+        message: str,
+        offset: int | None,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        *,
+        topic: str | None = None,
+        count: int = 1,
+    ) -> None:
+        self.damage_count += 1
+        found = _diagnostic(Severity.ERROR, code, message, offset, start_ns, end_ns)
+        self._note(replace(found, topic=topic, count=count))
 
-    def _chunk_indexes(self) -> Iterator[ChunkIndex]:
-        tail = _FRAMING.size + _FOOTER.size + len(MAGIC)
-        with self.path.open("rb") as stream:
-            stream.seek(-tail, 2)
-            end = stream.read(tail)
-            opcode, _ = _FRAMING.unpack_from(end)
-            if end[-len(MAGIC) :] != MAGIC or opcode != Opcode.FOOTER:
-                return
-            start, _, _ = _FOOTER.unpack_from(end, _FRAMING.size)
-            length = self.size_bytes - tail - start
-            if start == 0 or not 0 < length <= self._limits.record_bytes:
-                return
-            stream.seek(start)
-            summary = stream.read(length)
-        position = 0
-        while position + _FRAMING.size <= len(summary):
-            opcode, length = _FRAMING.unpack_from(summary, position)
-            position += _FRAMING.size
-            if opcode == Opcode.CHUNK_INDEX:
-                yield _parse(ChunkIndex, summary[position : position + length])
-            position += length
-
-    def _skip_to(self, stream: BinaryIO, offset: int) -> None:
-        """Move on to `offset`, hashing what is passed over."""
-        missing = offset - stream.tell()
-        while missing > 0:
-            missing -= len(self._read(stream, min(missing, 1 << 20)))
+    def _tell(
+        self,
+        severity: Severity,
+        code: str,
+        message: str,
+        offset: int | None,
+        topic: str | None = None,
+    ) -> None:
+        self._note(replace(_diagnostic(severity, code, message, offset), topic=topic))
 
 
-def _parse(kind: type[R], body: bytes) -> R:
-    record: R = kind.read(ReadDataStream(BytesIO(body)))  # type: ignore[attr-defined]
-    return record
+def _diagnostic(
+    severity: Severity,
+    code: str,
+    message: str,
+    offset: int | None,
+    start_ns: int | None = None,
+    end_ns: int | None = None,
+) -> Diagnostic:
+    return Diagnostic(
+        severity,
+        code,
+        message,
+        byte_offset=offset,
+        log_time_ns=_clamped(start_ns),
+        end_time_ns=_clamped(end_ns),
+    )
+
+
+def _clamped(time_ns: int | None) -> int | None:
+    return None if time_ns is None else min(time_ns, MAX_TIME_NS)
+
+
+def _name(opcode: int) -> str:
+    return Opcode(opcode).name if opcode in KNOWN_OPCODES else f"opcode {opcode}"
+
+
+def _not_a_record(opcode: int, length: int, rest: int) -> str:
+    if opcode in KNOWN_OPCODES:
+        return f"a {_name(opcode)} record claims {length:,} bytes, {rest:,} are left"
+    return f"no record starts here (opcode {opcode}, length {length:,})"
+
+
+def _whole_records(data: bytes | memoryview) -> int:
+    """Return how many bytes the whole records at the beginning take."""
+    position = 0
+    while position + FRAMING.size <= len(data):
+        _, length = FRAMING.unpack_from(data, position)
+        end = position + FRAMING.size + length
+        if end > len(data):
+            break
+        position = end
+    return position
+
+
+def _count_messages(data: bytes | memoryview) -> Counter[int]:
+    """Return how many messages a damaged chunk seems to hold, by channel, as far as it is whole."""
+    counts: Counter[int] = Counter()
+    position = 0
+    while position + FRAMING.size <= len(data):
+        opcode, length = FRAMING.unpack_from(data, position)
+        position += FRAMING.size
+        if opcode not in KNOWN_OPCODES or length > len(data) - position:
+            break
+        if opcode == Opcode.MESSAGE and length >= MESSAGE_HEAD.size:
+            counts[int.from_bytes(data[position : position + 2], "little")] += 1
+        position += length
+    return counts
+
+
+def _peek_in(data: memoryview) -> Callable[[int, int], bytes]:
+    return lambda offset, count: bytes(data[offset : offset + count])

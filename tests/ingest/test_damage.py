@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
+import struct
+import tracemalloc
 from pathlib import Path
 
+import lz4.frame
 import numpy as np
 import pytest
+import zstandard
 from mcap.opcode import Opcode
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, Writer
 
 from pipeline.config import Config, Limits
 from pipeline.diagnostics import Notes
@@ -16,10 +21,19 @@ from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.mcap_records import McapFile
 from pipeline.ingest.mcap_writer import image_message
 from pipeline.records import Severity
-from tests.damage import SmallChunks, flipped, offsets
+from tests.damage import (
+    DAMAGES,
+    FRAMES,
+    MAGIC,
+    START_NS,
+    chunk_record,
+    flipped,
+    offsets,
+    put,
+    records,
+    write_good,
+)
 
-START_NS = 1_700_000_000_000_000_000
-FRAMES = 40
 KINDS = {
     "plain": CompressionType.NONE,
     "lz4": CompressionType.LZ4,
@@ -27,26 +41,27 @@ KINDS = {
 }
 
 
-@pytest.fixture(params=[*KINDS])
-def good(request: pytest.FixtureRequest, tmp_path: Path) -> bytes:
-    path = tmp_path / "good.mcap"
-    random = np.random.default_rng(0)
-    with SmallChunks(path, compression=KINDS[request.param]) as w:
-        for index in range(FRAMES):
-            time_ns = START_NS + index * 40_000_000
-            picture = image_message(random.bytes(1500), "jpeg", time_ns, "cam")
-            w.write("/i", picture, time_ns)
-    return path.read_bytes()
+@pytest.fixture(scope="module", params=[*KINDS])
+def good(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("good") / "good.mcap"
+    return write_good(path, KINDS[request.param])
+
+
+@pytest.fixture(scope="module")
+def unchunked(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("good") / "unchunked.mcap"
+    return write_good(path, CompressionType.NONE, chunked=False)
 
 
 def read(data: bytes, tmp_path: Path, limits: Limits | None = None) -> tuple[int, Notes, int]:
     path = tmp_path / "damaged.mcap"
     path.write_bytes(data)
     config, notes = Config(), Notes()
-    assembler = FrameAssembler(
-        McapFile(path, limits or config.limits, notes.add), config.ingest, notes
-    )
-    return len(list(assembler)), notes, assembler.frames_lost
+    file = McapFile(path, limits or config.limits, notes.add)
+    assembler = FrameAssembler(file, config.ingest, notes)
+    count = len(list(assembler))
+    assert file.content_sha256 == hashlib.sha256(data).hexdigest()
+    return count, notes, assembler.frames_lost
 
 
 def codes(notes: Notes) -> set[str]:
@@ -58,50 +73,122 @@ def test_a_good_file_has_nothing_to_tell(good: bytes, tmp_path: Path) -> None:
     assert (frames, len(notes), lost) == (FRAMES, 0, 0)
 
 
-def test_a_flipped_byte_costs_its_chunk(good: bytes, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", [*DAMAGES])
+def test_named_damage_costs_what_it_must_and_is_told(
+    name: str, good: bytes, tmp_path: Path
+) -> None:
+    damaged = DAMAGES[name](good)
+    frames, notes, lost = read(damaged.data, tmp_path)
+    expected = FRAMES * 2 if name == "concatenated" else FRAMES
+    found = [(n.code, n.byte_offset, n.message) for n in notes]
+    assert expected - damaged.lost <= frames <= expected, found
+    if damaged.counted:
+        assert frames + lost == expected, found
+    if not damaged.told:
+        assert not found
+        return
+    assert not damaged.codes or codes(notes) & damaged.codes, found
+    first = min(n.byte_offset for n in notes if n.byte_offset is not None)
+    assert first <= damaged.at, found
+    assert notes.lost_data or codes(notes) <= {"unknown_record", "another_recording"}
+
+
+def test_a_loss_says_where_and_when(good: bytes, tmp_path: Path) -> None:
     chunks = offsets(good, Opcode.CHUNK)
     at, length = chunks[len(chunks) // 2]
-    frames, notes, lost = read(flipped(good, at + length - 40), tmp_path)
-    assert 0 < frames < FRAMES
-    assert frames + lost == FRAMES
+    _, notes, lost = read(flipped(good, at + length - 40), tmp_path)
     bad = next(n for n in notes if n.code == "damaged_chunk")
     assert bad.severity is Severity.ERROR
     assert bad.byte_offset == at
     assert bad.log_time_ns is not None
     assert START_NS < bad.log_time_ns <= (bad.end_time_ns or 0)
+    gone = next(n for n in notes if n.code == "lost_messages" and n.topic == "/i")
+    assert (gone.count, gone.byte_offset, gone.log_time_ns) == (lost, at, bad.log_time_ns)
+    _, notes, _ = read(put(good, at, b"\x00"), tmp_path)
+    gap = next(n for n in notes if n.code == "lost_place")
+    assert gap.byte_offset == at
+    assert START_NS < (gap.log_time_ns or 0) <= (gap.end_time_ns or 0)
 
 
-def test_a_truncated_file_keeps_every_whole_chunk(good: bytes, tmp_path: Path) -> None:
-    chunks = offsets(good, Opcode.CHUNK)
-    at, length = chunks[3]
-    frames, notes, _ = read(good[: at + length // 2], tmp_path)
-    whole, _, _ = read(good[:at], tmp_path)
-    assert frames >= whole > 0
+def test_a_cut_chunk_keeps_the_messages_before_the_cut(good: bytes, tmp_path: Path) -> None:
+    at, length = offsets(good, Opcode.CHUNK)[3]
+    before, _, _ = read(good[:at], tmp_path)
+    frames, notes, _ = read(good[: at + 9 + length - 30], tmp_path)
     note = next(n for n in notes if n.code == "truncated_file")
     assert note.byte_offset == at
+    assert note.log_time_ns is not None
+    # lz4 and zstd give whole blocks; random bytes of this size fit in one.
+    assert frames > before or "0 messages" in note.message
 
 
-def test_a_cut_at_any_byte_is_told_and_does_no_harm(good: bytes, tmp_path: Path) -> None:
+def test_a_cut_at_any_byte_keeps_every_whole_chunk_before_it(good: bytes, tmp_path: Path) -> None:
+    chunks = offsets(good, Opcode.CHUNK)
+    whole = {at + 9 + length: None for at, length in chunks}
+    counts = [read(good[:end], tmp_path)[0] for end in whole]
     for cut in np.linspace(8, len(good) - 1, 60).astype(int):
         frames, notes, _ = read(good[:cut], tmp_path)
-        assert frames <= FRAMES
-        assert "truncated_file" in codes(notes) or frames == FRAMES
+        before = [c for end, c in zip(whole, counts, strict=True) if end <= cut]
+        assert (before or [0])[-1] <= frames <= FRAMES
+        assert "truncated_file" in codes(notes)
 
 
-def test_a_flipped_length_resumes_at_the_next_chunk_of_the_index(
+def test_any_flipped_byte_is_noticed_and_costs_one_chunk_at_most(
     good: bytes, tmp_path: Path
 ) -> None:
-    chunks = offsets(good, Opcode.CHUNK)
-    at, _ = chunks[2]
-    frames, notes, _ = read(flipped(good, at + 8, 0x7F), tmp_path)
+    largest = 5
+    for at in np.linspace(8, len(good) - 1, 120).astype(int):
+        for mask in (0x01, 0xFF):
+            frames, notes, lost = read(flipped(good, int(at), mask), tmp_path)
+            assert codes(notes), at
+            assert frames >= FRAMES - largest, (at, list(notes))
+            assert frames + lost >= FRAMES, (at, list(notes))
+
+
+def test_any_flipped_byte_of_a_file_without_chunks_costs_little(
+    unchunked: bytes, tmp_path: Path
+) -> None:
+    for at in np.linspace(8, len(unchunked) - 1, 150).astype(int):
+        for mask in (0x01, 0xFF):
+            frames, notes, lost = read(flipped(unchunked, int(at), mask), tmp_path)
+            assert codes(notes), at
+            assert frames >= FRAMES - 2, (at, list(notes))
+            assert frames + lost >= FRAMES, (at, list(notes))
+
+
+def test_a_message_length_over_the_next_messages_costs_that_message(
+    unchunked: bytes, tmp_path: Path
+) -> None:
+    at, length = offsets(unchunked, Opcode.MESSAGE)[21]
+    data = put(unchunked, at + 1, struct.pack("<Q", length + 2500))
+    frames, notes, _ = read(data, tmp_path)
+    assert frames >= FRAMES - 1
+    assert "lost_place" in codes(notes)
+
+
+def test_the_order_of_records_in_the_kit_is_that_of_the_format(good: bytes) -> None:
+    opcodes = [opcode for opcode, _, _ in records(good)]
+    assert opcodes[0] == Opcode.HEADER
+    assert opcodes[-1] == Opcode.FOOTER
+
+
+def test_a_channel_without_its_record_is_taken_from_the_summary(
+    good: bytes, tmp_path: Path
+) -> None:
+    at, length = offsets(good, Opcode.CHUNK)[0]
+    data = put(good, at, bytes(9 + length))
+    frames, notes, lost = read(data, tmp_path)
+    assert frames + lost == FRAMES
     assert frames > FRAMES // 2
-    assert notes.lost_data
+    assert "unknown_channel" not in codes(notes)
 
 
-def test_any_flipped_byte_is_noticed_or_harmless(good: bytes, tmp_path: Path) -> None:
-    for at in np.linspace(8, len(good) - 9, 80).astype(int):
-        frames, notes, _ = read(flipped(good, int(at), 0x55), tmp_path)
-        assert frames == FRAMES or notes.lost_data or codes(notes)
+def test_messages_of_a_channel_that_nothing_declares_are_told(good: bytes, tmp_path: Path) -> None:
+    at, length = offsets(good, Opcode.CHUNK)[0]
+    end, _ = offsets(good, Opcode.DATA_END)[0]
+    data = put(good, at, bytes(9 + length))[:end]
+    frames, notes, _ = read(data, tmp_path)
+    assert frames == 0
+    assert "unknown_channel" in codes(notes)
 
 
 @pytest.mark.parametrize(
@@ -114,29 +201,35 @@ def test_what_is_no_recording_is_said_to_be_none(data: bytes, word: str, tmp_pat
 
 
 def test_a_chunk_that_claims_too_much_is_left_out(good: bytes, tmp_path: Path) -> None:
-    limits = Limits(chunk_bytes=100)
-    frames, notes, _ = read(good, tmp_path, limits)
-    assert frames == 0
+    frames, notes, lost = read(good, tmp_path, Limits(chunk_bytes=100))
+    assert (frames, lost) == (0, FRAMES)
     assert "damaged_chunk" in codes(notes)
 
 
-@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+def test_a_record_over_the_limit_is_passed_over(good: bytes, tmp_path: Path) -> None:
+    frames, notes, lost = read(good, tmp_path, Limits(record_bytes=3000))
+    assert codes(notes) >= {"oversized_record"}
+    assert frames + lost == FRAMES
+
+
+BOMB = 200_000_000
+
+
+def _bomb(compression: str) -> bytes:
+    zeros = b"\0" * BOMB
+    if compression == "lz4":
+        return lz4.frame.compress(zeros)
+    if compression == "zstd":
+        return zstandard.compress(zeros)
+    stream = zstandard.ZstdCompressor().compressobj()  # a frame that does not say how much it holds
+    return stream.compress(zeros) + stream.flush()
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd", "zstd_stream"])
 def test_a_chunk_that_expands_beyond_its_claim_takes_no_memory(
     compression: str, tmp_path: Path
 ) -> None:
-    import struct
-    import tracemalloc
-
-    import lz4.frame
-    import zstandard
-
-    bomb = b"\0" * 200_000_000
-    packed = lz4.frame.compress(bomb) if compression == "lz4" else zstandard.compress(bomb)
-    name = compression.encode()
-    body = struct.pack("<QQQI", 0, 1, 1000, 0) + struct.pack("<I", len(name)) + name
-    body += struct.pack("<Q", len(packed)) + packed
-    data = b"\x89MCAP0\r\n" + struct.pack("<BQ", Opcode.CHUNK, len(body)) + body
-    del bomb
+    data = MAGIC + chunk_record(compression.removesuffix("_stream"), _bomb(compression), 1000)
     tracemalloc.start()
     frames, notes, _ = read(data, tmp_path)
     peak = tracemalloc.get_traced_memory()[1]
@@ -146,9 +239,36 @@ def test_a_chunk_that_expands_beyond_its_claim_takes_no_memory(
     assert peak < 50_000_000
 
 
-def test_a_message_that_is_no_message_is_left_out(tmp_path: Path) -> None:
-    from mcap.writer import Writer
+@pytest.mark.parametrize("compression", ["lz4", "zstd", "zstd_stream"])
+def test_a_cut_chunk_expands_no_further_than_the_limit(compression: str, tmp_path: Path) -> None:
+    whole = chunk_record(compression.removesuffix("_stream"), _bomb(compression), BOMB)
+    tracemalloc.start()
+    read(MAGIC + whole[:-3], tmp_path, Limits(chunk_bytes=10_000_000))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 60_000_000
 
+
+def test_a_zstd_chunk_of_several_frames_is_read(tmp_path: Path) -> None:
+    message = image_message(b"x", "jpeg", START_NS, "cam").SerializeToString()
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as stream:
+        w = Writer(stream, compression=CompressionType.NONE)
+        w.start()
+        schema = w.register_schema("foxglove.CompressedImage", "protobuf", b"")
+        w.add_message(w.register_channel("/i", "protobuf", schema), 5, message, 5)
+        w.finish()
+    plain = path.read_bytes()
+    at, length = offsets(plain, Opcode.CHUNK)[0]
+    inside = plain[at + 9 + 40 : at + 9 + length]
+    for compress, name in ((zstandard.compress, "zstd"), (lz4.frame.compress, "lz4")):
+        packed = compress(inside[:20]) + compress(inside[20:])
+        data = plain[:at] + chunk_record(name, packed, len(inside)) + plain[at + 9 + length :]
+        frames, _, _ = read(data, tmp_path)
+        assert frames == 1
+
+
+def test_a_message_that_is_no_message_is_left_out(tmp_path: Path) -> None:
     path = tmp_path / "x.mcap"
     with path.open("wb") as stream:
         w = Writer(stream)
@@ -160,6 +280,6 @@ def test_a_message_that_is_no_message_is_left_out(tmp_path: Path) -> None:
         w.add_message(channel, 6, good, 6)
         w.add_message(channel, 2**64 - 1, good, 6)
         w.finish()
-    frames, notes, _ = read(path.read_bytes(), tmp_path)
-    assert frames == 1
+    frames, notes, lost = read(path.read_bytes(), tmp_path)
+    assert (frames, lost) == (1, 2)
     assert codes(notes) == {"damaged_message", "invalid_time"}
