@@ -201,3 +201,10 @@ def test_calibrating_without_truth_says_so(workplace: Path, tmp_path: Path) -> N
     assert few.returncode == 1
     assert "4 are needed" in few.stderr
     assert not (workplace / "w.toml").exists()
+
+
+def test_asking_the_database_waits_for_no_library_that_it_does_not_need() -> None:
+    heavy = ("cv2", "pandas", "rerun", "scipy")
+    code = f"import pipeline.query, sys; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout.strip() == "[]", done.stderr

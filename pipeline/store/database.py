@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 import duckdb
 import pyarrow as pa
-import pyarrow.dataset
 
 from pipeline.diagnostics import diagnostics_table
 from pipeline.errors import StoreError, UsageError, Where
@@ -27,6 +27,9 @@ from pipeline.store.catalog import View, views
 from pipeline.store.connection import connect
 from pipeline.store.precision import kept
 from pipeline.store.schema import apply_schema
+
+if TYPE_CHECKING:
+    from pyarrow.dataset import Dataset
 
 # What one recording has rows in; deleting these forgets it.
 RECORDING_TABLES = (
@@ -222,7 +225,7 @@ class Store:
             self._connection.execute(f"INSERT INTO {table} BY NAME {source}", values)
 
     @contextmanager
-    def _incoming(self, name: str, rows: pa.Table | pyarrow.dataset.Dataset) -> Iterator[None]:
+    def _incoming(self, name: str, rows: pa.Table | Dataset) -> Iterator[None]:
         """Let SQL see Arrow rows under a name."""
         self._connection.register(name, rows)
         try:
@@ -360,14 +363,16 @@ class Store:
         return pa.table({"name": [v.name for v in found], "comment": [v.comment for v in found]})
 
 
-def _part(folder: Path, table: str) -> pyarrow.dataset.Dataset:
+def _part(folder: Path, table: str) -> Dataset:
     """Return what pass 1 wrote for a table: `<table>.parquet`, or `<table>-*.parquet` in order."""
     files = [folder / f"{table}.parquet"]
     if not files[0].exists():
         files = sorted(folder.glob(f"{table}-*.parquet"))
     if not files:
         raise StoreError(f"pass 1 left no {table}", where=Where(folder))
-    return pyarrow.dataset.dataset(files, schema=PASS_ONE[table], format="parquet")
+    from pyarrow.dataset import dataset  # takes pandas along: half a second for who only reads
+
+    return dataset(files, schema=PASS_ONE[table], format="parquet")
 
 
 def _known(table: str) -> str:
