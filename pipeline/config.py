@@ -64,6 +64,8 @@ class IngestConfig:
 
     exposure_tolerance_s: float = EXPOSURE_TOLERANCE_S
     reorder_s: float = 0.25  # messages later than this behind the newest are not waited for
+    # The frame of transforms whose plane z = 0 is the ground; empty: one that is by convention.
+    ground_frame: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +134,24 @@ class EstimateConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class ExposureFields:
+    """Where a recording keeps exposure values: topic, field and unit ("/diag.exposure us")."""
+
+    exposure_time_s: str = ""
+    f_number: str = ""
+    iso_speed: str = ""
+    exposure_bias_ev: str = ""
+    focal_length_mm: str = ""
+    focus_distance_m: str = ""
+    gain_db: str = ""
+    digital_zoom_ratio: str = ""
+    pixel_pitch_x_um: str = ""
+    pixel_pitch_y_um: str = ""
+    sensor_width_px: str = ""
+    sensor_height_px: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class CameraConfig:
     """What is known of a camera beside its recordings; NaN is unknown.
 
@@ -157,6 +177,7 @@ class CameraConfig:
     roll_deg: float = 0.0
     roll_std_deg: float = 0.0
     roi_xyxy_px: tuple[float, ...] = ()  # the paper's cropping: one object fills this region
+    exposure: ExposureFields = ExposureFields()  # other channels, before what exposure messages say
 
 
 @dataclass(frozen=True, slots=True)

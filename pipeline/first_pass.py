@@ -128,7 +128,7 @@ class FirstPass:
         self.config = config
         self.notes = Notes()
         self.file = McapFile(path, config.limits, self.notes.add)
-        self.assembler = FrameAssembler(self.file, config.ingest, self.notes)
+        self.assembler = FrameAssembler(self.file, config.ingest, self.notes, config.camera)
         self.stages: dict[str, CameraStage] = {}
         self.batch: list[Seen] = []
         self.start_time_ns: int | None = None
@@ -351,6 +351,14 @@ class FirstPass:
             "height_px": stage.size_px[1] or None,
             "intrinsics_source": stage.intrinsics_source,
         }
+        pose = self.assembler.poses.get(stage.camera)
+        if pose is not None:
+            row |= {
+                "recorded_height_m": pose.height_m,
+                "recorded_tilt_rad": pose.tilt_rad,
+                "recorded_roll_rad": pose.roll_rad,
+                "recorded_ground_frame": pose.ground_frame,
+            }
         if intrinsics is not None:
             row |= asdict(intrinsics) | {"distortion": list(intrinsics.distortion)}
         return as_table({name: [value] for name, value in row.items()}, CAMERAS)

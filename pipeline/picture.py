@@ -59,6 +59,8 @@ def decode(
     Raises:
         UndecodableImage: the bytes are no picture, or one larger than `max_pixels`.
     """
+    if not image:
+        raise UndecodableImage("there are no bytes of it")
     stated = image_size(image) if layout is None else (layout.width_px, layout.height_px)
     if stated is None:
         raise UndecodableImage(f"{len(image)} bytes are no JPEG, PNG or WebP picture")

@@ -201,7 +201,7 @@ class GroundPlane:
     roll_rad: float = 0.0
     # (3, 3) over (camera_height_m, tilt_rad, roll_rad)
     covariance: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
-    source: str = "given"  # "given", "walkers", "truth"
+    source: str = "given"  # "given", "transforms", "walkers", "truth"
 
 
 def _schema(*columns: tuple[str, pa.DataType]) -> pa.Schema:
@@ -231,6 +231,10 @@ CAMERAS = _schema(
     ("roll_rad", _F64),
     ("roll_std_rad", _F64),
     ("pose_source", _TEXT),
+    ("recorded_height_m", _F64),
+    ("recorded_tilt_rad", _F64),
+    ("recorded_roll_rad", _F64),
+    ("recorded_ground_frame", _TEXT),
 )
 
 FRAMES = _schema(

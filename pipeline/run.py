@@ -217,7 +217,7 @@ def write_timeline_of(
     file = McapFile(outcome.path, config.limits, notes.add)
     images = (
         StillEncoded(f.camera, f.frame_index, f.capture_time_ns, f.image_format, f.image)
-        for f in map(compressed, FrameAssembler(file, config.ingest, notes))
+        for f in map(compressed, FrameAssembler(file, config.ingest, notes, config.camera))
     )
     path = folder / f"{outcome.path.stem}.rrd"
     write_timeline(path, store.read("recordings", recording_id).to_pylist()[0], images, tables)

@@ -6,6 +6,8 @@ stored measurements -> pose of the camera -> every method that applies -> estima
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -25,8 +27,9 @@ def estimate_recording(
     tables = {t: store.read(t, recording_id) for t in ("observations", "frames", "cameras")}
     notes: list[Diagnostic] = []
     poses: dict[str, GroundPlane] = {}
+    recorded = {row["camera"]: row for row in tables["cameras"].to_pylist()}
     for measured in measured_by_camera(**tables, poses={}):
-        plane = _pose(measured, config, notes)
+        plane = _pose(measured, recorded.get(measured.camera), config, notes)
         if plane is not None:
             poses[measured.camera] = plane
             store.set_pose(recording_id, measured.camera, plane)
@@ -42,9 +45,19 @@ def estimate_recording(
     store.add_diagnostics([*notes, *result.diagnostics], recording_id, run_id, file_name)
 
 
-def _pose(measured: Measured, config: Config, notes: list[Diagnostic]) -> GroundPlane | None:
-    """Return the camera's pose: as the camera file gives it, else from the people who walk."""
+def _pose(
+    measured: Measured,
+    recorded: Mapping[str, Any] | None,
+    config: Config,
+    notes: list[Diagnostic],
+) -> GroundPlane | None:
+    """Return the camera's pose.
+
+    As the camera file gives it, else by the recording's transforms, else from the people who walk.
+    """
     given = given_pose(config.camera_named(measured.camera))
+    if given is None and recorded is not None:
+        given = recorded_pose(recorded)
     if given is not None or measured.intrinsics is None:
         return given
     prior = config.stature
@@ -78,6 +91,18 @@ def given_pose(camera: CameraConfig) -> GroundPlane | None:
         math.radians(camera.roll_deg),
         np.diag(std**2),
         "given",
+    )
+
+
+def recorded_pose(camera: Mapping[str, Any]) -> GroundPlane | None:
+    """Return the pose that a recording's transforms give, by the row of the table `cameras`."""
+    if camera["recorded_height_m"] is None:
+        return None
+    return GroundPlane(
+        camera["recorded_height_m"],
+        camera["recorded_tilt_rad"],
+        camera["recorded_roll_rad"],
+        source="transforms",
     )
 
 

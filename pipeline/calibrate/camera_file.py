@@ -172,6 +172,8 @@ def _scalar(value: Any, place: str) -> str:
     if isinstance(value, str):
         # JSON's escapes are TOML's, except that TOML also wants DEL escaped.
         return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    if is_dataclass(value):
+        return _inline(value, place)
     if isinstance(value, tuple):
         return "[" + ", ".join(_scalar(v, place) for v in value) + "]"
     if isinstance(value, int):

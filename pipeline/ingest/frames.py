@@ -7,26 +7,41 @@ waits until the recording has moved on by the look-ahead. What waits is still en
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from pipeline.config import IngestConfig
+from pipeline.config import CameraConfig, IngestConfig
 from pipeline.diagnostics import Notes
-from pipeline.ingest.lanes import Lane
-from pipeline.ingest.mcap_records import MAX_TIME_NS, ChannelInfo, McapFile, RawMessage
-from pipeline.ingest.messages import (
-    Decoded,
-    EncodedImage,
-    Kind,
-    UndecodableMessage,
-    decode,
-    is_unread_image,
-    kind_of,
+from pipeline.errors import MissingLibrary, UndecodableImage
+from pipeline.ingest.channels import Channels, Source
+from pipeline.ingest.decode.content import Decoded, EncodedImage, Kind, VideoPacket
+from pipeline.ingest.decode.exif import exif_block, exposure_of, read_tags
+from pipeline.ingest.decode.numbers import NamedNumber, named_numbers
+from pipeline.ingest.decode.registry import kind_of
+from pipeline.ingest.decode.tree import UndecodableMessage, time_of
+from pipeline.ingest.exposure import check_exposure
+from pipeline.ingest.lanes import Lane, Paired
+from pipeline.ingest.mcap_records import MAX_TIME_NS, McapFile, RawMessage
+from pipeline.ingest.pose import CameraPose, TransformTree, UnusablePose
+from pipeline.ingest.video_stream import READ_CODECS, Out, Times, VideoStream
+from pipeline.picture import image_size
+from pipeline.raw_image import has_wide_samples, samples
+from pipeline.records import (
+    EXPOSURE_FIELDS,
+    UNKNOWN_EXPOSURE,
+    Diagnostic,
+    Exposure,
+    Frame,
+    Pairing,
+    RawLayout,
+    Severity,
 )
-from pipeline.records import UNKNOWN_EXPOSURE, Diagnostic, Frame, Pairing, Severity
 
 MAX_WAITING = 64  # pictures, where log times make no sense; `Limits` bounds their bytes
+# How many bits of a sample of 16 a sensor's converter fills.
+SAMPLE_BITS = (8, 10, 12, 14, 16)
 
 
 @dataclass(order=True, slots=True)
@@ -41,10 +56,27 @@ class _Waiting:
 
 
 class FrameAssembler:
-    """Reads a file's messages and yields its frames."""
+    """Reads a file's messages and yields its frames.
 
-    def __init__(self, file: McapFile, config: IngestConfig, notes: Notes) -> None:
+    Args:
+        file: the recording.
+        config: how messages become frames.
+        notes: receives whatever is refused or lost.
+        cameras: those of the camera file, which may name fields that hold exposure values.
+        decode_video: whether frames of a video stream are decoded; else they are its packets.
+    """
+
+    def __init__(
+        self,
+        file: McapFile,
+        config: IngestConfig,
+        notes: Notes,
+        cameras: Sequence[CameraConfig] = (),
+        *,
+        decode_video: bool = True,
+    ) -> None:
         self.file = file
+        self.poses: dict[str, CameraPose] = {}  # by the recording's transforms
         self.cameras: dict[str, str] = {}  # image topic -> camera
         self.frame_ids: dict[str, str] = {}  # camera -> frame_id
         self._notes = notes
@@ -59,7 +91,14 @@ class FrameAssembler:
         self._newest_ns = 0
         self._order = 0
         self._frame_counts: dict[str, int] = {}
-        self._kinds: dict[tuple[int, ChannelInfo], Kind | None] = {}
+        self._channels = Channels(file.limits, named_numbers(cameras), self._tell)
+        self._named: dict[str, dict[NamedNumber, Lane[float]]] = {}
+        self._transforms = TransformTree(config.ground_frame)
+        self._posed: dict[str, int] = {}  # camera -> version of the transforms
+        self._decode_video = decode_video
+        self._streams: dict[str, VideoStream[RawMessage]] = {}
+        self._damage_seen = 0
+        self._sample_bits: dict[str, int] = {}
 
     def has_detections(self, camera: str) -> bool:
         """Whether recorded detections for a camera were seen so far."""
@@ -72,89 +111,165 @@ class FrameAssembler:
         return self._images_refused + sum(
             count
             for channel_id, count in self.file.lost_counts.items()
-            if channel_id in channels and kind_of(channels[channel_id]) is Kind.IMAGE
+            if channel_id in channels and kind_of(channels[channel_id]) in (Kind.IMAGE, Kind.VIDEO)
         )
 
     def __iter__(self) -> Iterator[Frame]:
         for raw in self.file.messages():
-            kind = self._kind(raw)
-            if kind is not None:
-                self._take(kind, raw)
+            source = self._channels.source(raw)
+            if source.decoder is not None or source.named:
+                self._take(source, raw)
                 yield from self._release()
+        for topic, stream in self._streams.items():
+            for out in stream.flush():
+                self._enqueue_decoded(topic, out)
         while self._waiting:
             yield self._assemble(self._next_waiting())
 
-    def _kind(self, raw: RawMessage) -> Kind | None:
-        key = (raw.channel_id, raw.channel)
-        if key not in self._kinds:
-            self._kinds[key] = kind_of(raw.channel)
-            if is_unread_image(raw.channel):
-                self._note(
-                    Severity.WARNING,
-                    "unsupported_channel",
-                    f"schema {raw.channel.schema_name!r} in encoding "
-                    f"{raw.channel.message_encoding!r} is not read",
-                    raw,
-                )
-        return self._kinds[key]
-
-    def _take(self, kind: Kind, raw: RawMessage) -> None:
+    def _take(self, source: Source, raw: RawMessage) -> None:
+        kind = source.decoder.kind if source.decoder else Kind.EXPOSURE
         if raw.log_time_ns > MAX_TIME_NS:
             self._refuse(kind, "invalid_time", "the log time is beyond the year 2262", raw)
             return
-        if kind is not Kind.IMAGE and len(raw.data) > self._limits.message_bytes:
+        if not source.is_image and len(raw.data) > self._limits.message_bytes:
             text = f"a {kind} message of {len(raw.data):,} bytes, the limit is "
             text += f"{self._limits.message_bytes:,}"
             self._refuse(kind, "oversized_message", text, raw)
             return
+        self._newest_ns = max(self._newest_ns, raw.log_time_ns)
         try:
-            message = decode(kind, raw.data)
+            if source.named:
+                self._take_numbers(source, raw)
+            if source.decoder is not None:
+                self._take_message(kind, source.decoder(raw.data), raw)
         except UndecodableMessage as error:
             self._refuse(kind, "damaged_message", f"no {kind} message: {error}", raw)
-            return
+
+    def _take_message(self, kind: Kind, message: Decoded, raw: RawMessage) -> None:
         for sentence in message.refused:
-            code = "invalid_exposure" if kind is Kind.EXPOSURE else "invalid_value"
-            self._note(Severity.WARNING, code, sentence, raw)
+            self._note(Severity.WARNING, message.code, sentence, raw)
         if len(message.frame_id) > self._limits.name_bytes:
             self._refuse(kind, "oversized_name", "its frame_id is too long", raw)
             return
-        self._newest_ns = max(self._newest_ns, raw.log_time_ns)
-        if isinstance(message.payload, EncodedImage):
-            self._enqueue(message, message.payload, raw)
+        payload = message.payload
+        if payload is None:
+            return
+        if isinstance(payload, EncodedImage):
+            self._enqueue_image(message, payload, raw)
+        elif isinstance(payload, VideoPacket):
+            self._enqueue_video(message, payload, raw)
+        elif kind is Kind.TRANSFORMS:
+            self._transforms.add(payload)  # type: ignore[arg-type]
         else:
             lane = self._lane(kind, raw, message)
             if lane is not None:
                 stated_ns = message.capture_time_ns
-                lane.add(raw.log_time_ns if stated_ns is None else stated_ns, message.payload)
+                lane.add(raw.log_time_ns if stated_ns is None else stated_ns, payload)
+
+    def _take_numbers(self, source: Source, raw: RawMessage) -> None:
+        """Keep the numbers that a camera file names, each for its camera."""
+        assert source.reader is not None  # noqa: S101  (narrowing)
+        tree = source.reader(raw.data)
+        time_ns = time_of(tree)
+        for named, topic in source.named:
+            value = named.value(tree, topic)
+            if math.isnan(value):
+                self._note(Severity.WARNING, "absent_field", f"{named.spec!r} holds no number", raw)
+                continue
+            lanes = self._named.setdefault(named.camera, {})
+            if named not in lanes:
+                limit = self._limits.waiting_values
+                stated = time_ns is not None
+                lanes[named] = Lane(topic, "", by_capture_time=stated, limit=limit)
+            lanes[named].add(raw.log_time_ns if time_ns is None else time_ns, value)
 
     def _refuse(self, kind: Kind, code: str, problem: str, raw: RawMessage) -> None:
-        if kind is Kind.IMAGE:
+        if kind in (Kind.IMAGE, Kind.VIDEO):
             self._images_refused += 1
         self._note(Severity.ERROR, code, problem, raw)
 
-    def _enqueue(self, message: Decoded, image: EncodedImage, raw: RawMessage) -> None:
+    def _camera(self, message: Decoded, raw: RawMessage) -> str | None:
+        """Return the camera of a picture; None if there are too many."""
         topic = raw.channel.topic
         if topic not in self.cameras:
             if len(self.cameras) >= self._limits.cameras:
                 text = f"more than {self._limits.cameras} topics with pictures"
                 self._refuse(Kind.IMAGE, "too_many_cameras", text, raw)
-                return
+                return None
             taken = message.frame_id in self.frame_ids
             camera = topic if taken or not message.frame_id else message.frame_id
             self.cameras[topic] = camera
             self.frame_ids[camera] = message.frame_id
             self._lane_of.clear()
+        return self.cameras[topic]
+
+    def _enqueue_image(self, message: Decoded, image: EncodedImage, raw: RawMessage) -> None:
+        if self._camera(message, raw) is not None:
+            if image.layout is not None and has_wide_samples(image.layout.encoding):
+                image = self._with_bits(image, image.layout, raw)
+            self._enqueue(image, Times(raw.log_time_ns, message.capture_time_ns), raw)
+
+    def _with_bits(self, image: EncodedImage, layout: RawLayout, raw: RawMessage) -> EncodedImage:
+        """Tell how many bits of its samples a camera fills, by its first picture."""
+        topic = raw.channel.topic
+        if topic not in self._sample_bits:
+            try:
+                largest = int(samples(image.data, layout).max(initial=0))
+            except UndecodableImage:
+                return image  # it is reported when its turn comes
+            bits = next(b for b in SAMPLE_BITS if largest < 1 << b)
+            self._sample_bits[topic] = bits
+            if bits < SAMPLE_BITS[-1]:
+                text = f"the samples of 16 bits are taken as {bits} bits: the largest is {largest}"
+                self._note(Severity.INFO, "assumed_bit_depth", text, raw)
+        return replace(image, layout=replace(layout, bits=self._sample_bits[topic]))
+
+    def _enqueue_video(self, message: Decoded, packet: VideoPacket, raw: RawMessage) -> None:
+        if self._camera(message, raw) is None:
+            return
+        topic, times = raw.channel.topic, Times(raw.log_time_ns, message.capture_time_ns)
+        if not self._decode_video:
+            self._enqueue(EncodedImage(packet.codec, packet.data), times, raw)
+            return
+        if packet.codec not in READ_CODECS:
+            text = f"video in {packet.codec!r} is not read (it is one of {', '.join(READ_CODECS)})"
+            self._refuse(Kind.VIDEO, "unsupported_channel", text, raw)
+            return
+        if self.file.damage_count != self._damage_seen:
+            self._damage_seen = self.file.damage_count
+            for stream in self._streams.values():
+                stream.lose()
+        try:
+            known = self._streams.get(topic)
+            if known is None or known.codec != packet.codec:
+                known = VideoStream(packet.codec, self._limits.image_pixels)
+                self._streams[topic] = known
+        except MissingLibrary as error:
+            self._refuse(Kind.VIDEO, "missing_library", str(error), raw)
+            return
+        # The stream's results are told at this message; what belongs to them is kept apart.
+        bare = raw._replace(data=b"")
+        for out in known.decode(packet.data, bare, times):
+            self._enqueue_decoded(topic, out)
+
+    def _enqueue_decoded(self, topic: str, out: Out[RawMessage]) -> None:
+        if out.problem:
+            text = f"a frame of the video was left out: {out.problem}"
+            self._note(Severity.ERROR, "video_gap", text, out.item)
+        self._enqueue(out.image, out.times, out.item)
+
+    def _enqueue(self, image: EncodedImage, times: Times, raw: RawMessage) -> None:
         self._order += 1
         self._waiting_bytes += len(image.data)
         heapq.heappush(
             self._waiting,
             _Waiting(
-                raw.log_time_ns,
+                times.log_time_ns,
                 self._order,
-                self.cameras[topic],
-                message.capture_time_ns,
+                self.cameras[raw.channel.topic],
+                times.capture_time_ns,
                 image,
-                topic,
+                raw.channel.topic,
                 raw.byte_offset,
             ),
         )
@@ -190,9 +305,10 @@ class FrameAssembler:
 
     def _assemble(self, waiting: _Waiting) -> Frame:
         camera, image = waiting.camera, waiting.image
-        exposure = self._nearest_or_last(Kind.EXPOSURE, waiting)
+        exposure = self._exposure(waiting)
         intrinsics = self._nearest_or_last(Kind.CALIBRATION, waiting)
         truth = self._taken(Kind.TRUTH, waiting)
+        self._find_pose(waiting)
         index = self._frame_counts.get(camera, 0)
         self._frame_counts[camera] = index + 1
         return Frame(
@@ -210,12 +326,73 @@ class FrameAssembler:
             truth=truth or (),
             topic=waiting.topic,
             byte_offset=waiting.byte_offset,
+            layout=image.layout,
         )
+
+    def _exposure(self, waiting: _Waiting) -> Paired[Exposure] | None:
+        """Return what is known of a picture's exposure.
+
+        The fields that a camera file names go first, then the messages; what both leave open may
+        stand in the picture's own EXIF.
+        """
+        found: Paired[Exposure] | None = self._nearest_or_last(Kind.EXPOSURE, waiting)
+        found = self._with_named(waiting, found)
+        if waiting.image.layout is not None:
+            return found
+        block = exif_block(waiting.image.data)
+        if block is None:
+            return found
+        width_px, height_px = image_size(waiting.image.data) or (0, 0)
+        own, refused = exposure_of(read_tags(block), width_px, height_px)
+        for sentence in refused:
+            self._tell_of_picture(Severity.WARNING, "invalid_exposure", sentence, waiting)
+        if found is None:
+            known = any(not math.isnan(getattr(own, name)) for name in EXPOSURE_FIELDS)
+            return Paired(own, Pairing.EMBEDDED, 0) if known else None
+        return found._replace(value=_filled(found.value, own))
+
+    def _with_named(
+        self, waiting: _Waiting, found: Paired[Exposure] | None
+    ) -> Paired[Exposure] | None:
+        camera = waiting.camera
+        lanes = self._named.get(camera) or self._named.get(waiting.topic)
+        if not lanes:
+            return found
+        values, pairings = dict[str, float](), list[Paired[float]]()
+        for named, lane in lanes.items():
+            paired = self._paired(lane, waiting)
+            if paired is not None:
+                values[named.field] = paired.value
+                pairings.append(paired)
+        if not pairings:
+            return found
+        exposure, refused = check_exposure(values)
+        for sentence in refused:
+            self._tell_of_picture(Severity.WARNING, "invalid_exposure", sentence, waiting)
+        farthest = max(pairings, key=lambda p: abs(p.offset_ns))
+        value = _filled(exposure, found.value) if found else exposure
+        return Paired(value, farthest.pairing, farthest.offset_ns)
+
+    def _find_pose(self, waiting: _Waiting) -> None:
+        """Learn the camera's pose from the transforms; say when it moves, or cannot be told."""
+        camera, version = waiting.camera, self._transforms.version
+        if self._posed.get(camera, 0) == version:
+            return
+        self._posed[camera] = version
+        try:
+            pose = self._transforms.pose(self.frame_ids[camera])
+        except UnusablePose as error:
+            self._tell_of_picture(Severity.INFO, "pose_unused", str(error), waiting)
+            return
+        if pose is not None and pose.moved_from(self.poses.setdefault(camera, pose)):
+            text = "the camera moves, by the transforms; its first pose is used, and is wrong later"
+            self._tell_of_picture(Severity.WARNING, "moving_camera", text, waiting)
 
     def _nearest_or_last(self, kind: Kind, waiting: _Waiting) -> Any:
         lane = self._lane_for(kind, waiting.camera)
-        if lane is None:
-            return None
+        return None if lane is None else self._paired(lane, waiting)
+
+    def _paired(self, lane: Lane[Any], waiting: _Waiting) -> Any:
         time_ns = _time_for(waiting, lane)
         lane.forget_before(time_ns - self._look_ahead_ns)
         return lane.nearest(time_ns, self._tolerance_ns) or lane.last_known(time_ns)
@@ -254,6 +431,24 @@ class FrameAssembler:
             return best
         return None
 
+    def _tell(self, code: str, message: str, raw: RawMessage) -> None:
+        self._note(Severity.WARNING, code, message, raw)
+
+    def _tell_of_picture(
+        self, severity: Severity, code: str, message: str, waiting: _Waiting
+    ) -> None:
+        self._notes.add(
+            Diagnostic(
+                severity,
+                code,
+                message,
+                camera=waiting.camera,
+                topic=waiting.topic,
+                byte_offset=waiting.byte_offset,
+                log_time_ns=waiting.log_time_ns,
+            )
+        )
+
     def _note(self, severity: Severity, code: str, message: str, raw: RawMessage) -> None:
         self._notes.add(
             Diagnostic(
@@ -265,6 +460,12 @@ class FrameAssembler:
                 log_time_ns=min(raw.log_time_ns, MAX_TIME_NS),
             )
         )
+
+
+def _filled(first: Exposure, second: Exposure) -> Exposure:
+    """Return the first with what it leaves open from the second."""
+    unknown = [n for n in EXPOSURE_FIELDS if math.isnan(getattr(first, n))]
+    return replace(first, **{n: getattr(second, n) for n in unknown}) if unknown else first
 
 
 def _time_for(waiting: _Waiting, lane: Lane[Any] | None = None) -> int:

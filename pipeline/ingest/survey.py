@@ -7,9 +7,10 @@ from pathlib import Path
 
 from pipeline.config import Config
 from pipeline.diagnostics import Notes
+from pipeline.ingest.decode.content import Kind
+from pipeline.ingest.decode.registry import kind_of
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.mcap_records import McapFile
-from pipeline.ingest.messages import Kind, kind_of
 from pipeline.records import EXPOSURE_FIELDS, Exposure, Frame, Intrinsics, Pairing
 
 
@@ -106,7 +107,7 @@ def survey(path: Path, config: Config) -> Survey:
     """
     notes = Notes()
     file = McapFile(path, config.limits, notes.add)
-    assembler = FrameAssembler(file, config.ingest, notes)
+    assembler = FrameAssembler(file, config.ingest, notes, config.camera, decode_video=False)
     cameras: dict[str, CameraSurvey] = {}
     for frame in assembler:
         seen = cameras.setdefault(frame.camera, CameraSurvey(frame.camera, frame.topic))

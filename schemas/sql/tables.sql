@@ -69,7 +69,11 @@ CREATE TABLE IF NOT EXISTS cameras (
     tilt_std_rad        DOUBLE,
     roll_rad            DOUBLE,
     roll_std_rad        DOUBLE,
-    pose_source         VARCHAR
+    pose_source         VARCHAR,
+    recorded_height_m   DOUBLE,
+    recorded_tilt_rad   DOUBLE,
+    recorded_roll_rad   DOUBLE,
+    recorded_ground_frame VARCHAR
 );
 COMMENT ON TABLE cameras IS 'One row a camera of a recording: its lens in pixels and, where known, its pose above the ground.';
 COMMENT ON COLUMN cameras.recording_id IS 'The recording.';
@@ -91,7 +95,11 @@ COMMENT ON COLUMN cameras.tilt_rad IS 'Tilt of the optical axis below the horizo
 COMMENT ON COLUMN cameras.tilt_std_rad IS 'Its standard error.';
 COMMENT ON COLUMN cameras.roll_rad IS 'Rotation about the optical axis.';
 COMMENT ON COLUMN cameras.roll_std_rad IS 'Its standard error.';
-COMMENT ON COLUMN cameras.pose_source IS 'given, walkers, or NULL where the pose is unknown.';
+COMMENT ON COLUMN cameras.pose_source IS 'given (camera file), transforms (of the recording), walkers, or NULL where the pose is unknown.';
+COMMENT ON COLUMN cameras.recorded_height_m IS 'Height of the camera above the ground by the transforms in the recording; used where no camera file gives a pose.';
+COMMENT ON COLUMN cameras.recorded_tilt_rad IS 'Tilt below the horizon by the transforms in the recording.';
+COMMENT ON COLUMN cameras.recorded_roll_rad IS 'Roll by the transforms in the recording.';
+COMMENT ON COLUMN cameras.recorded_ground_frame IS 'The frame of the transforms whose plane z = 0 was taken for the ground.';
 
 CREATE TABLE IF NOT EXISTS frames (
     recording_id          VARCHAR NOT NULL,

@@ -200,8 +200,8 @@ def test_an_image_encoding_that_is_not_read_is_said_once(tmp_path: Path) -> None
     with path.open("wb") as stream:
         w = Writer(stream)
         w.start()
-        schema = w.register_schema("sensor_msgs/msg/Image", "ros2msg", b"")
-        channel = w.register_channel("/camera", "cdr", schema)
+        schema = w.register_schema("foxglove.RawImage", "flatbuffer", b"")
+        channel = w.register_channel("/camera", "flatbuffer", schema)
         for index in range(5):
             w.add_message(channel, index, b"\0", index)
         w.finish()

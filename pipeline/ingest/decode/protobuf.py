@@ -1,0 +1,88 @@
+"""Protobuf: messages of known types by their own classes, any other by the schema in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message import DecodeError, Message
+from google.protobuf.message_factory import GetMessageClass
+
+from pipeline.ingest.decode.tree import Tree, UndecodableMessage
+from schemas import stadimeter_pb2
+
+_TIMES = frozenset({"google.protobuf.Timestamp", "google.protobuf.Duration"})
+
+
+@cache
+def known_class(full_name: str) -> type[Message] | None:
+    """Return the class of one of Foxglove's messages or ours."""
+    package, _, name = full_name.rpartition(".")
+    if not name.isidentifier():
+        return None
+    if package == "stadimeter":
+        return getattr(stadimeter_pb2, name, None)
+    if package == "foxglove":
+        try:
+            module = import_module(f"foxglove_schemas_protobuf.{name}_pb2")
+        except ImportError:
+            return None
+        return getattr(module, name, None)
+    return None
+
+
+def class_in_schema(full_name: str, schema: bytes) -> type[Message]:
+    """Return a message class by the descriptors in a file.
+
+    Raises:
+        UndecodableMessage: the schema does not hold together.
+    """
+    pool = DescriptorPool()
+    try:
+        waiting = list(FileDescriptorSet.FromString(schema).file)
+        while waiting:
+            known = {file.name for file in waiting}
+            ready = [f for f in waiting if not known & set(f.dependency)]
+            if not ready:
+                raise UndecodableMessage("the schema's files depend on each other in a circle")
+            for file in ready:
+                pool.Add(file)
+            waiting = [f for f in waiting if f not in ready]
+        return GetMessageClass(pool.FindMessageTypeByName(full_name))
+    except UndecodableMessage:
+        raise
+    except (DecodeError, KeyError, TypeError, ValueError, RecursionError) as error:
+        raise UndecodableMessage(f"the schema of {full_name!r} cannot be used: {error}") from error
+
+
+def reader(kind: type[Message]) -> Callable[[bytes], Tree]:
+    """Return what turns the bytes of a message of this type into a tree."""
+
+    def read(data: bytes) -> Tree:
+        try:
+            return tree_of(kind.FromString(data))
+        except (DecodeError, UnicodeDecodeError, RecursionError) as error:
+            raise UndecodableMessage(str(error) or "not a protobuf message") from error
+
+    return read
+
+
+def tree_of(message: Message) -> dict[str, Any]:
+    """Return the fields that a message states."""
+    tree: dict[str, Any] = {}
+    for field, value in message.ListFields():
+        if field.message_type is None:
+            tree[field.name] = list(value) if field.is_repeated else value
+        elif isinstance(value, Mapping):  # a protobuf map: nothing here has any
+            continue
+        elif field.is_repeated:
+            tree[field.name] = [tree_of(v) for v in value]
+        elif field.message_type.full_name in _TIMES:
+            tree[field.name] = {"sec": value.seconds, "nsec": value.nanos}
+        else:
+            tree[field.name] = tree_of(value)
+    return tree
