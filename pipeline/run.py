@@ -8,6 +8,7 @@ database, because DuckDB lets one in; the others hand over Parquet files.
 
 from __future__ import annotations
 
+import glob
 import json
 import multiprocessing
 import platform
@@ -18,6 +19,7 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
+from multiprocessing.managers import SyncManager
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ from pipeline.errors import StadimeterError, StoreError, Where
 from pipeline.first_pass import measure_recording
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.mcap_records import McapFile
+from pipeline.lifeline import die_with_parent
 from pipeline.progress import Progress, Report, silent
 from pipeline.raw_image import compressed
 from pipeline.records import PASS_ONE, Diagnostic, Severity
@@ -136,9 +139,11 @@ def _measured(
             yield _measure(path, config, folder, threads=2, report=report), folder
         return
     context = multiprocessing.get_context("spawn")
+    manager = SyncManager(ctx=context)
+    manager.start(initializer=die_with_parent)
     with (
-        context.Manager() as manager,
-        ProcessPoolExecutor(workers, mp_context=context) as pool,
+        manager,
+        ProcessPoolExecutor(workers, mp_context=context, initializer=die_with_parent) as pool,
     ):
         queue = manager.Queue()
         jobs: dict[Future[Outcome], Path] = {
@@ -226,8 +231,15 @@ def write_timeline_of(
 
 @contextmanager
 def _parts_folder(database: Path) -> Iterator[Path]:
-    """Give a folder beside the database (the same disk) that is gone afterwards."""
-    folder = Path(tempfile.mkdtemp(prefix=f".{database.name}.parts-", dir=database.parent))
+    """Give a folder beside the database (the same disk) that is gone afterwards.
+
+    Who holds the database holds it alone: folders that are there already were left by a run that
+    was killed.
+    """
+    prefix = f".{database.name}.parts-"
+    for left in database.parent.glob(f"{glob.escape(prefix)}*"):
+        shutil.rmtree(left, ignore_errors=True)
+    folder = Path(tempfile.mkdtemp(prefix=prefix, dir=database.parent))
     try:
         yield folder
     finally:
