@@ -162,6 +162,10 @@ class CameraConfig:
     focal_length_mm: float = NAN
     f_number: float = NAN
     focus_distance_m: float = NAN
+    blur_floor_px: float = (
+        NAN  # how soft a sharp edge is (sigma) without diffraction, stored pixels
+    )
+    blur_floor_std_px: float = 0.0
     pixel_pitch_x_um: float = NAN
     pixel_pitch_y_um: float = NAN
     fx_px: float = NAN

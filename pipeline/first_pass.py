@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pyarrow as pa
 
+from pipeline.blur.measure import Blur, blur_of
 from pipeline.config import Config
 from pipeline.detect import Detector, make_detector
 from pipeline.diagnostics import Notes, diagnostics_table
@@ -140,7 +141,7 @@ class FirstPass:
         self.parts_folder = parts
         self.report = report
         self.times = times
-        times.threads["decode"] = threads
+        times.threads["decode"] = times.threads["blur"] = threads
 
     def run(self) -> RecordingRow:
         """Read, decode, detect, track and measure; return what is known of the recording."""
@@ -150,8 +151,8 @@ class FirstPass:
             for item in self._decoded(pool):
                 self.batch.append(self.stages[item.frame.camera].follow(item, self.times))
                 if len(self.batch) >= BATCH_FRAMES:
-                    self._write_batch(parts)
-            self._write_batch(parts)
+                    self._write_batch(parts, pool)
+            self._write_batch(parts, pool)
             for stage in self.stages.values():
                 parts.write("tracks", stage.tracker.tracks())
                 parts.write("cameras", self._camera_row(stage))
@@ -196,8 +197,8 @@ class FirstPass:
         except UndecodableImage:
             return None  # it is reported when its turn comes
 
-    def _decode(self, frame: Frame) -> Timed:
-        full = self.stages[frame.camera].detector.full_resolution
+    def _decode(self, frame: Frame, *, whole: bool = False) -> Timed:
+        full = whole or self.stages[frame.camera].detector.full_resolution
         max_pixels = self.config.limits.image_pixels
         with Stopwatch() as watch:
             picture = decode(
@@ -236,21 +237,44 @@ class FirstPass:
             )
             return Decoded(frame, None)
 
-    def _write_batch(self, parts: PartWriter) -> None:
+    def _blur(self, seen: Seen) -> tuple[Blur, Spent]:
+        """Measure how blurred the boxes of a frame are, where its lens data say that it can tell."""
+        frame, picture = seen.frame, seen.picture
+        with Stopwatch() as watch:
+            blur = blur_of(
+                picture,
+                seen.boxes,
+                self._lens(frame, picture),
+                self.config,
+                frame.camera,
+                lambda: self._decode(frame, whole=True).picture,
+            )
+        return blur, watch.spent
+
+    def _lens(self, frame: Frame, picture: Picture | None) -> Lens:
+        stage = self.stages[frame.camera]
+        size_px = (picture.width_px, picture.height_px) if picture else stage.size_px
+        return lens_of(frame.exposure, stage.settings, frame.intrinsics, *size_px)
+
+    def _write_batch(self, parts: PartWriter, pool: Executor) -> None:
         batch, self.batch = self.batch, []
         if not batch:
             return
+        blurs = []
+        for blur, spent in pool.map(self._blur, batch):
+            blurs.append(blur)
+            self.times.add("blur", spent)
         with self.times.stage("measure"):
-            self._write_rows(batch, parts)
+            self._write_rows(batch, blurs, parts)
         fraction = min(batch[-1].frame.byte_offset / max(self.file.size_bytes, 1), 1.0)
         slowest = self.times.slowest
         self.report(Progress(self.path.name, "measure", self.frame_count, fraction, slowest))
 
-    def _write_rows(self, batch: list[Seen], parts: PartWriter) -> None:
+    def _write_rows(self, batch: list[Seen], blurs: list[Blur], parts: PartWriter) -> None:
         parts.write("frames", _with_light([self._frame_row(seen) for seen in batch]))
         parts.write("ground_truth", _truth_rows([seen.frame for seen in batch]))
         detectors = {name: stage.detector.name for name, stage in self.stages.items()}
-        observations = observe(batch, detectors, self.observation_count)
+        observations = observe(batch, detectors, self.observation_count, blurs)
         self.observation_count += observations.num_rows
         parts.write("observations", observations)
         times_ns = [seen.frame.log_time_ns for seen in batch]
@@ -262,7 +286,7 @@ class FirstPass:
         frame, picture, exposure = seen.frame, seen.picture, seen.frame.exposure
         stage = self.stages[frame.camera]
         size_px = (picture.width_px, picture.height_px) if picture else stage.size_px
-        lens = lens_of(exposure, stage.settings, frame.intrinsics, *size_px)
+        lens = self._lens(frame, picture)
         if picture is not None:
             self._learn_intrinsics(stage, frame, lens, size_px)
         return {

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from pipeline.blur.measure import Blur
 from pipeline.picture import Picture, relative_luminance_of
 from pipeline.records import NAN, OBSERVATIONS, Boxes, FloatArray, Frame, IntArray
 
@@ -26,13 +27,19 @@ class Seen(NamedTuple):
     track_ids: IntArray
 
 
-def observe(seen: Sequence[Seen], detectors: Mapping[str, str], first_index: int) -> pa.Table:
+def observe(
+    seen: Sequence[Seen],
+    detectors: Mapping[str, str],
+    first_index: int,
+    blurs: Sequence[Blur] | None = None,
+) -> pa.Table:
     """Return the observations of a batch of frames in the schema of the table `observations`.
 
     Args:
         seen: frames with boxes and track ids.
         detectors: the detector's name by camera.
         first_index: the number of the first observation.
+        blurs: how blurred the boxes of each frame are, where anybody looked.
     """
     with_boxes = [s for s in seen if len(s.boxes)]
     if not with_boxes:
@@ -58,6 +65,7 @@ def observe(seen: Sequence[Seen], detectors: Mapping[str, str], first_index: int
         "occlusion": np.concatenate([_occlusion(s.boxes.bbox_xyxy_px) for s in with_boxes]),
         "luminance": np.concatenate([_luminance(s.picture, s.boxes) for s in with_boxes]),
     }
+    columns |= _blur(blurs, total)
     for side, name in enumerate(("x_min", "y_min", "x_max", "y_max")):
         columns[f"{name}_px"] = bbox[:, side]
         columns[f"{name}_std_px"] = std[:, side]
@@ -119,6 +127,26 @@ def _luminance(picture: Picture | None, boxes: Boxes) -> FloatArray:
     rows = np.clip(np.rint(y), 0, height - 1).astype(np.intp)
     pixels = picture.bgr[rows[:, :, None], columns[:, None, :]]
     return np.asarray(relative_luminance_of(pixels).mean(axis=(1, 2)))
+
+
+def _blur(blurs: Sequence[Blur] | None, count: int) -> dict[str, object]:
+    if blurs is None:
+        unknown = np.full(count, NAN)
+        none = [None] * count
+        return {
+            "blur_sigma_px": unknown,
+            "blur_std_px": unknown,
+            "blur_edge_count": none,
+            "blur_reason": none,
+        }
+    reasons = [reason for b in blurs for reason in b.reason]
+    edges = [int(n) if n else None for b in blurs for n in b.edge_count]
+    return {
+        "blur_sigma_px": np.concatenate([b.sigma_px for b in blurs]),
+        "blur_std_px": np.concatenate([b.std_px for b in blurs]),
+        "blur_edge_count": edges,
+        "blur_reason": reasons,
+    }
 
 
 def _spread(names: list[str], counts: np.ndarray) -> list[str]:

@@ -138,7 +138,7 @@ def _reduction(width_px: int, height_px: int) -> int:
 
 
 @cache
-def _luminance_tables() -> npt.NDArray[np.float64]:
+def luminance_tables() -> npt.NDArray[np.float64]:
     """Return linear light times luminance weight by sRGB value, (256, 3) in the order B, G, R."""
     linear = srgb_to_linear(np.arange(256) / 255.0)
     return np.stack([linear * w for w in reversed(LUMINANCE_WEIGHTS)], axis=1)
@@ -146,7 +146,7 @@ def _luminance_tables() -> npt.NDArray[np.float64]:
 
 def relative_luminance_of(bgr: Image) -> npt.NDArray[np.float64]:
     """Return the relative luminance, linear light, of pixels (..., 3) (Eq. 15)."""
-    tables = _luminance_tables()
+    tables = luminance_tables()
     return np.asarray(tables[bgr[..., 0], 0] + tables[bgr[..., 1], 1] + tables[bgr[..., 2], 2])
 
 

@@ -21,6 +21,7 @@ import pyarrow as pa
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 NAN = float("nan")
 
@@ -299,6 +300,10 @@ OBSERVATIONS = _schema(
     ("truncated_bottom", _BOOL),
     ("occlusion", _F64),
     ("luminance", _F64),
+    ("blur_sigma_px", _F64),
+    ("blur_std_px", _F64),
+    ("blur_edge_count", _I32),
+    ("blur_reason", _TEXT),
 )
 
 ESTIMATES = _schema(
@@ -314,6 +319,7 @@ ESTIMATES = _schema(
     ("x_m", _F64),
     ("y_m", _F64),
     ("in_calibrated_range", _BOOL),
+    ("branch", _TEXT),
 )
 
 TRACK_HEIGHTS = _schema(

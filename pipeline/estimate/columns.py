@@ -34,6 +34,9 @@ class Measured:
     pixel_pitch_y_um: FloatArray
     intrinsics: Intrinsics | None
     ground_plane: GroundPlane | None
+    exposure_time_s: FloatArray | None = None
+    blur_sigma_px: FloatArray | None = None  # None: nobody looked
+    blur_std_px: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.observation_index)
@@ -66,6 +69,7 @@ class Estimated:
     speed_m_s: FloatArray = field(init=False)
     in_calibrated_range: FloatArray = field(init=False)
     calibration_id: TextArray = field(init=False)
+    branch: TextArray = field(init=False)  # of defocus: near or far of the plane of focus
 
     def __post_init__(self) -> None:
         for name in ("depth_m", "depth_std_m", "height_m", "height_std_m"):
@@ -76,3 +80,4 @@ class Estimated:
             setattr(self, name, np.full(self.count, NAN))
         self.height_assumed = np.zeros(self.count, dtype=np.bool_)
         self.calibration_id = np.full(self.count, None, dtype=np.object_)
+        self.branch = np.full(self.count, None, dtype=np.object_)

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute
 
 from pipeline.config import Config
-from pipeline.estimate import aperture, fused, ground, inverse, size
+from pipeline.estimate import aperture, defocus, fused, ground, inverse, size
 from pipeline.estimate.columns import Estimated, Measured
 from pipeline.estimate.gait import as_standing
 from pipeline.estimate.geometry import Geometry
@@ -73,6 +73,10 @@ def estimate(
         geometry = Geometry(quality.applied(measured))
         made = {method: run(geometry, config) for method, run in METHODS.items()}
         made = {m: e for m, e in made.items() if np.isfinite(e.depth_m).any()}
+        by_blur, said = defocus.estimate(geometry, config, made)
+        notes += said
+        if np.isfinite(by_blur.depth_m).any():
+            made[Method.DEFOCUS] = by_blur
         if made:
             by_ground = made.get(Method.GROUND)
             track = fused.beside_track(geometry.measured, by_ground, quality) if by_ground else None
@@ -110,6 +114,7 @@ def measured_by_camera(
             "camera",
             "frame_index",
             "capture_time_ns",
+            "exposure_time_s",
             "f_number",
             "focal_length_mm",
             "focus_distance_m",
@@ -156,6 +161,9 @@ def _measured(
         pixel_pitch_y_um=number("pixel_pitch_y_um"),
         intrinsics=intrinsics,
         ground_plane=plane,
+        exposure_time_s=number("exposure_time_s"),
+        blur_sigma_px=number("blur_sigma_px"),
+        blur_std_px=number("blur_std_px"),
     )
 
 

@@ -1,6 +1,7 @@
 """The ground floor: optics as pure functions on numpy arrays. No I/O, nothing of the project above.
 
 thin_lens:      Eqs. 1-10 of the paper, for any focus distance: image distance, blur, depth of field
+defocus:        the blurred edge: a disc and a floor, its form, diffraction, what can be resolved
 aperture_size:  Eq. 16, the paper's method: depth from aperture, k and the size on the sensor
 object_size:    depth from a known size, Eq. 17, heights by Eq. 14 and by the exact magnification
 exposure:       Eq. 15, exposure values, luminance

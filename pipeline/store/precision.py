@@ -7,7 +7,7 @@ is a hundredth, or less, of the smallest error that the number itself can have:
     lengths in the scene        0.1 mm     a box that ends 0.1 px off at 2 m is 0.2 mm
     their deviations            0.01 mm    two digits of the smallest that there is
     sides of boxes              0.001 px   ends are found to 0.05 px at best
-    their deviations            0.0001 px
+    their deviations, blur      0.0001 px
     shares, scores, luminance   0.00001    an 8-bit picture's darkest step is 0.0003 of linear light
 
 Only columns that come once an observation or once an estimate are cut; truth, calibrations and frames
@@ -20,6 +20,7 @@ DECIMALS: dict[str, dict[str, int]] = {
     "observations": {
         **dict.fromkeys(("x_min_px", "y_min_px", "x_max_px", "y_max_px"), 3),
         **dict.fromkeys(("x_min_std_px", "y_min_std_px", "x_max_std_px", "y_max_std_px"), 4),
+        **dict.fromkeys(("blur_sigma_px", "blur_std_px"), 4),
         **dict.fromkeys(("score", "occlusion", "luminance"), 5),
     },
     "observation_quality": {"quality": 5, "stride_phase_rad": 4},

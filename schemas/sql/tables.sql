@@ -202,7 +202,11 @@ CREATE TABLE IF NOT EXISTS observations (
     truncated_right   BOOLEAN,
     truncated_bottom  BOOLEAN,
     occlusion         DOUBLE,
-    luminance         DOUBLE
+    luminance         DOUBLE,
+    blur_sigma_px     DOUBLE,
+    blur_std_px       DOUBLE,
+    blur_edge_count   INTEGER,
+    blur_reason       VARCHAR
 );
 COMMENT ON TABLE observations IS 'One row an object a frame: what pass 1 measured in the picture.';
 COMMENT ON COLUMN observations.recording_id IS 'The recording.';
@@ -228,6 +232,10 @@ COMMENT ON COLUMN observations.truncated_right IS 'Whether the picture''s right 
 COMMENT ON COLUMN observations.truncated_bottom IS 'Whether the picture''s lower edge cuts the object.';
 COMMENT ON COLUMN observations.occlusion IS 'Share of the box that the boxes of nearer objects cover, 0..1.';
 COMMENT ON COLUMN observations.luminance IS 'Mean relative luminance inside the box, linear light, 0..1.';
+COMMENT ON COLUMN observations.blur_sigma_px IS 'How blurred the object''s edges are: standard deviation of the spread of a step, pixels of the stored picture, the camera''s own softness included. NULL where it was not measured; blur_reason says why.';
+COMMENT ON COLUMN observations.blur_std_px IS 'Its standard deviation, by how much the object''s edges differ.';
+COMMENT ON COLUMN observations.blur_edge_count IS 'How many edges went in.';
+COMMENT ON COLUMN observations.blur_reason IS 'Why there is no blur: lens_unknown (f-number, focal length, focus distance or pitch), unresolvable (at no depth where it can be would it blur more than the lens does: its pixels were not looked at), no_edges, too_wide (blurred over too much of itself), motion, too_many (in one frame), no_picture.';
 
 CREATE TABLE IF NOT EXISTS estimates (
     recording_id        VARCHAR NOT NULL,
@@ -243,7 +251,8 @@ CREATE TABLE IF NOT EXISTS estimates (
     range_m             DOUBLE,
     x_m                 DOUBLE,
     y_m                 DOUBLE,
-    in_calibrated_range BOOLEAN
+    in_calibrated_range BOOLEAN,
+    branch              VARCHAR
 );
 COMMENT ON TABLE estimates IS 'One row an observation a method a run: how far away and how tall. Use main.current_estimates for the newest run of each recording.';
 COMMENT ON COLUMN estimates.recording_id IS 'The recording.';
@@ -260,6 +269,7 @@ COMMENT ON COLUMN estimates.range_m IS 'Euclidean distance to the middle of the 
 COMMENT ON COLUMN estimates.x_m IS 'Position on the ground to the right of the camera; across the axis where the pose is unknown.';
 COMMENT ON COLUMN estimates.y_m IS 'Position on the ground ahead of the camera; along the axis where the pose is unknown.';
 COMMENT ON COLUMN estimates.in_calibrated_range IS 'FALSE where the calibration is used outside the range in which it was fitted; NULL where it states none.';
+COMMENT ON COLUMN estimates.branch IS 'Of defocus: near (in front of the plane of focus) or far (behind it): a blur belongs to one depth on either side. NULL for other methods.';
 
 CREATE TABLE IF NOT EXISTS track_heights (
     recording_id      VARCHAR NOT NULL,
