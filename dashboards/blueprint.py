@@ -15,14 +15,23 @@ import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
 from dashboards.columns import BEST, CameraRows
-from dashboards.curves import height_in_plots, in_plots
+from dashboards.curves import height_in_plots, in_plots, true_in_plots
 from dashboards.errors import worst_errors
 from dashboards.exposure import EXPOSURE, exposure_curves
 from dashboards.lanes import lane_count
-from dashboards.layout import PICTURE_SHARE, TITLE_PX, WINDOW_PX, left_share
+from dashboards.layout import (
+    MOST_PICTURES,
+    PICTURE_SHARE,
+    PICTURES_ACROSS,
+    PICTURES_SHARE,
+    TITLE_PX,
+    WINDOW_PX,
+    left_share,
+)
 from dashboards.names import path, title
 from dashboards.scene import TRAILS, Pose, lens_known
-from dashboards.stream import FRAME, TIME
+from dashboards.slots import SLOTS
+from dashboards.stream import ELAPSED, FRAME, TIME
 from pipeline.records import FloatArray
 
 APPLICATION = "stadimeter"
@@ -58,6 +67,9 @@ class CameraView:
     lanes: int
     left_share: float
     is_series_of_pictures: bool  # nothing is followed
+    span_ns: tuple[int, int]  # the first and the last capture time
+    track: int | None  # the track that has the plots for itself
+    track_slot: int
 
     @property
     def middle_m(self) -> float:
@@ -72,10 +84,10 @@ class CameraView:
 
 def camera_view(rows: CameraRows) -> CameraView:
     """Return what there is to show of a camera."""
-    best, pose = rows.best, Pose.of(rows.camera)
+    best, pose, alone = rows.best, Pose.of(rows.camera), rows.alone_track
     rate_hz = rows.frames.rate_hz()
     x_m, y_m = (best.x_m, best.y_m) if lens_known(rows.camera) else (np.empty(0), np.empty(0))
-    plotted = in_plots(rows)
+    plotted, truth = in_plots(rows), true_in_plots(rows)
     return CameraView(
         camera=rows.name,
         drawn_by=rows.drawn_by,
@@ -85,15 +97,23 @@ def camera_view(rows: CameraRows) -> CameraView:
         camera_height_m=pose.height_m,
         across_m=_spread(x_m, (0.0, 0.0)),
         ahead_m=_spread(y_m, (0.5, 1.0)),
-        depth_m=_span(best.depth_m[plotted], rows.truth.depth_m),
-        height_m=_span(height_in_plots(rows, best)[plotted], rows.truth.height_m),
+        depth_m=_span(best.depth_m[plotted], rows.truth.depth_m[truth]),
+        height_m=_span(height_in_plots(rows, best)[plotted], rows.truth.height_m[truth]),
         has_truth=bool(np.isfinite(rows.truth.depth_m).any()),
         has_errors=worst_errors(rows) is not None,
         exposure=tuple(exposure_curves(rows.frames)),
         lanes=lane_count(rows) + 2,
         left_share=left_share(rows.camera),
         is_series_of_pictures=rows.is_series_of_pictures,
+        span_ns=_capture_span(rows),
+        track=None if alone is None else rows.alone,
+        track_slot=-1 if alone is None else int(rows.tracks.slot[alone]),
     )
+
+
+def _capture_span(rows: CameraRows) -> tuple[int, int]:
+    times_ns = rows.frames.capture_time_ns
+    return (int(times_ns.min()), int(times_ns.max())) if len(times_ns) else (0, 0)
 
 
 def _spread(values: FloatArray, default: Span) -> Span:
@@ -116,14 +136,14 @@ def _span(values: FloatArray, truth: FloatArray) -> Span | None:
 
 
 def blueprint(views: Sequence[CameraView]) -> rrb.Blueprint:
-    """Return the layout for the cameras of a recording, a tab each if there are several."""
+    """Return the layout for the cameras: a tab each if there are several, after one with all."""
     cameras = [_camera(view) for view in views]
     if not cameras:
         body: rrb.Container = _texts()
     elif len(cameras) == 1:
         body = cameras[0]
     else:
-        body = rrb.Tabs(*cameras, active_tab=0)
+        body = rrb.Tabs(_all(views), *cameras, active_tab=0)
     rate_hz = next((1e9 / v.frame_ns for v in views if v.frame_ns), 10.0)
     return rrb.Blueprint(
         body,
@@ -131,12 +151,40 @@ def blueprint(views: Sequence[CameraView]) -> rrb.Blueprint:
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
             state="collapsed",
-            # Each camera counts its own frames: only the time is common to several.
-            timeline=FRAME if len(views) == 1 else TIME,
+            timeline=shared_clock(views),
             fps=min(max(rate_hz, 1.0), 60.0),
             loop_mode="all",
         ),
         auto_views=False,
+    )
+
+
+def shared_clock(views: Sequence[CameraView]) -> str:
+    """Return the timeline to open on: what is told of one frame must be of one time.
+
+    Each camera counts its own frames, so several share the time; and where they were not recorded
+    at the same time, the time from the start of each.
+    """
+    if len(views) <= 1:
+        return FRAME
+    together = max(v.span_ns[0] for v in views) <= min(v.span_ns[1] for v in views)
+    return TIME if together else ELAPSED
+
+
+def _all(views: Sequence[CameraView]) -> rrb.Vertical:
+    """Return all cameras side by side: their pictures, and their depths below."""
+    across = min(len(views), PICTURES_ACROSS)
+    shown = views[:MOST_PICTURES]
+    depths = [plot for v in shown for plot in _curve_views(v, v.drawn_by, v.drawn_by, ("depth",))]
+    pictures = rrb.Grid(*(_picture(view) for view in shown), grid_columns=across)
+    curves = [rrb.Grid(*depths, grid_columns=across)] if depths else []
+    rest = 1 - PICTURES_SHARE
+    return rrb.Vertical(
+        pictures,
+        *curves,
+        _texts(),
+        row_shares=[PICTURES_SHARE, *[rest * 0.4] * len(curves), rest * 0.6],
+        name="All cameras",
     )
 
 
@@ -241,15 +289,15 @@ def eye_and_target(view: CameraView) -> tuple[FloatArray, FloatArray]:
 
 
 def _back(view: CameraView, newest: int, oldest: int) -> rrb.VisibleTimeRanges:
-    """Return the part of the past, in frames, that a trail of one age shows, on both clocks."""
+    """Return the part of the past, in frames, that a trail of one age shows, on all clocks."""
     edge = rr.TimeRangeBoundary.cursor_relative
+    start_s, end_s = (-frames * view.frame_ns / 1e9 for frames in (oldest, newest))
     return rrb.VisibleTimeRanges(
         [
             rrb.VisibleTimeRange(FRAME, start=edge(seq=-oldest), end=edge(seq=-newest)),
-            rrb.VisibleTimeRange(
-                TIME,
-                start=edge(seconds=-oldest * view.frame_ns / 1e9),
-                end=edge(seconds=-newest * view.frame_ns / 1e9),
+            *(
+                rrb.VisibleTimeRange(clock, start=edge(seconds=start_s), end=edge(seconds=end_s))
+                for clock in (TIME, ELAPSED)
             ),
         ]
     )
@@ -284,24 +332,40 @@ def _plots(view: CameraView) -> list[rrb.Tabs]:
 
 
 def _depth_and_height(view: CameraView, entity: str, method: str) -> rrb.Vertical | None:
-    truth = ", white: truth" if view.has_truth else ""
-    height = "Height" if view.is_series_of_pictures else "Height where known within 20 %"
-    plots = [
-        rrb.TimeSeriesView(
-            origin=path("cameras", view.camera, quantity),
-            contents=[path("cameras", view.camera, quantity, entity), "$origin/truth"],
-            name=f"{label}, m, by {title(method)}; band: 95 %{truth}",
-            axis_x=_linked(),
-            axis_y=rrb.ScalarAxis(range=span),
-            plot_legend=rrb.PlotLegend(visible=False),
-        )
-        for quantity, label, span in (
-            ("depth", "Depth", view.depth_m),
-            ("height", height, view.height_m),
-        )
-        if span is not None
-    ]
+    plots = _curve_views(view, entity, method, ("depth", "height"))
     return rrb.Vertical(*plots, name=f"by {title(method)}") if plots else None
+
+
+def _curve_views(
+    view: CameraView, entity: str, method: str, quantities: Sequence[str]
+) -> list[rrb.TimeSeriesView]:
+    truth = ", white: truth" if view.has_truth else ""
+    of = "" if view.track is None else f" of #{view.track}"
+    known = "" if view.is_series_of_pictures else " where known within 20 %"
+    spans = {"depth": view.depth_m, "height": view.height_m}
+    names = {"depth": f"Depth{of}, m", "height": f"Height{of}{known}, m"}
+    camera = path("cameras", view.camera)
+    return [
+        rrb.TimeSeriesView(
+            origin=f"{camera}/{quantity}",
+            contents=[path("cameras", view.camera, quantity, entity), "$origin/truth"],
+            name=f"{names[quantity]}, by {title(method)}; band: 95 %{truth}",
+            axis_x=_linked(),
+            axis_y=rrb.ScalarAxis(range=spans[quantity]),
+            plot_legend=rrb.PlotLegend(visible=False),
+            overrides=_only_its_track(view, path("cameras", view.camera, quantity, entity)),
+        )
+        for quantity in quantities
+        if spans[quantity] is not None
+    ]
+
+
+def _only_its_track(view: CameraView, entity: str) -> dict[str, rr.Measurements]:
+    """Return what hides the lines of all other tracks, where one has the plots for itself."""
+    if view.track_slot < 0:
+        return {}
+    shown = [slot == view.track_slot for slot in range(SLOTS)]
+    return {entity: rr.Measurements.from_fields(visible_series=shown)}
 
 
 def _errors(view: CameraView) -> rrb.Vertical:

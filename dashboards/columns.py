@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from dashboards.layout import screen_scale
 from dashboards.slots import slots
 from dashboards.style import METHOD_ORDER, NEUTRAL, Colours, slot_colours
 from pipeline.records import FloatArray, IntArray
@@ -46,6 +47,7 @@ class Frames:
     frame_index: IntArray
     capture_time_ns: IntArray
     log_time_ns: IntArray
+    start_ns: int  # when the recording starts
     table: pa.Table  # the same rows with all their columns
 
     def __len__(self) -> int:
@@ -106,8 +108,11 @@ class Truth:
 class CameraRows:
     """All rows of one camera."""
 
-    name: str
+    name: str  # on the timeline
     camera: Mapping[str, Any]  # its row of the table `cameras`
+    scale: float  # pixels of the picture on the timeline a pixel of the stored one
+    screen_scale: float  # pixels of the screen a pixel of the stored one, as the layout has it
+    alone: int | None  # the number of a track that has the plots for itself
     frames: Frames
     observations: Observations
     tracks: Tracks
@@ -116,6 +121,12 @@ class CameraRows:
     best: Estimates  # of each observation, the best that there is, (n,)
     best_method: npt.NDArray[np.object_]  # by which method, (n,); None where by none
     methods: tuple[str, ...]  # those that have a depth for any observation, best first
+
+    @property
+    def alone_track(self) -> int | None:
+        """Return the track that has the plots for itself, by position."""
+        at = np.flatnonzero(self.tracks.track_id == self.alone)
+        return int(at[0]) if len(at) else None
 
     @property
     def drawn_by(self) -> str:
@@ -129,26 +140,42 @@ class CameraRows:
         return len(self.tracks.track_id) > 1 and bool((self.tracks.observation_count == 1).all())
 
 
-def camera_rows(camera: Mapping[str, Any], tables: Mapping[str, pa.Table]) -> CameraRows:
+def camera_rows(
+    camera: Mapping[str, Any],
+    tables: Mapping[str, pa.Table],
+    *,
+    name: str | None = None,
+    scale: float = 1.0,
+    cameras: int = 1,
+    alone: int | None = None,
+) -> CameraRows:
     """Return the rows of a camera; observations of frames that are not there are left out.
 
     Args:
         camera: a row of the table `cameras`.
         tables: the tables of the recording by name.
+        name: what it is called on the timeline, if not as in the recording.
+        scale: how much its pictures are shrunk there.
+        cameras: how many cameras are shown beside each other.
+        alone: a track that shares its slot with no other.
     """
-    name = str(camera["camera"])
-    frames = _frames(_of_camera(tables["frames"], name))
+    key = str(camera["camera"])
+    start_ns = pc.min(tables["frames"]["capture_time_ns"]).as_py() or 0
+    frames = _frames(_of_camera(tables["frames"], key), start_ns)
     observations, tracks = _observations(
-        _of_camera(tables["observations"], name), tables.get("observation_quality"), frames
+        _of_camera(tables["observations"], key), tables.get("observation_quality"), frames, alone
     )
     best, best_method, methods = _best(tables["estimates"], observations.observation_index)
     return CameraRows(
-        name=name,
+        name=key if name is None else name,
         camera=camera,
+        scale=scale,
+        screen_scale=screen_scale(camera, cameras),
+        alone=alone,
         frames=frames,
         observations=observations,
         tracks=tracks,
-        truth=_truth(_of_camera(tables["ground_truth"], name), frames),
+        truth=_truth(_of_camera(tables["ground_truth"], key), frames),
         matched=_matched(tables.get("matches"), observations, best, camera["tilt_rad"] or 0.0),
         best=best,
         best_method=best_method,
@@ -196,18 +223,19 @@ def _of_camera(table: pa.Table, name: str) -> pa.Table:
     return table.filter(pc.equal(table["camera"], name))
 
 
-def _frames(table: pa.Table) -> Frames:
+def _frames(table: pa.Table, start_ns: int) -> Frames:
     table = table.sort_by("frame_index")
     return Frames(
         integers(table, "frame_index"),
         integers(table, "capture_time_ns"),
         integers(table, "log_time_ns"),
+        start_ns,
         table,
     )
 
 
 def _observations(
-    table: pa.Table, quality: pa.Table | None, frames: Frames
+    table: pa.Table, quality: pa.Table | None, frames: Frames, alone: int | None
 ) -> tuple[Observations, Tracks]:
     row, found = _positions(integers(table, "frame_index"), frames.frame_index)
     track_id = integers(table, "track_id")
@@ -227,7 +255,7 @@ def _observations(
         hidden=_hidden(table, quality)[order],
     )
     single = len(ids) > 1 and bool((count == 1).all())
-    slot = np.zeros(len(ids), dtype=np.int64) if single else slots(row[first], last)
+    slot = np.zeros(len(ids), dtype=np.int64) if single else slots(row[first], last, ids == alone)
     colour = np.where(slot[:, None] < 0, np.array(NEUTRAL), slot_colours(slot)).astype(np.uint8)
     return observations, Tracks(ids, count, row[first], last, slot, colour)
 
@@ -297,7 +325,9 @@ def _matched(
     unknown = np.full(len(observations), np.nan)
     return Truth(
         row=observations.row,
-        object_id=np.full(len(observations), None, dtype=object),
+        object_id=_taken(
+            np.asarray(table["object_id"].to_pylist(), dtype=object), position, found, None
+        ),
         depth_m=depth_m,
         height_m=_taken(floats(table, "true_height_m"), position, found, np.nan),
         width_m=unknown,
@@ -322,8 +352,9 @@ def _positions(wanted: IntArray, keys: IntArray) -> tuple[IntArray, BoolArray]:
 
 
 def _taken(
-    values: npt.NDArray[Any], position: IntArray, found: BoolArray, missing: float | bool
+    values: npt.NDArray[Any], position: IntArray, found: BoolArray, missing: float | bool | None
 ) -> npt.NDArray[Any]:
+    filler = np.asarray(missing)
     if not len(values):
-        return np.full(len(position), missing)
-    return np.where(found, values[position], missing)
+        return np.full(len(position), filler)
+    return np.asarray(np.where(found, values[position], filler))

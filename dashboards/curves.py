@@ -155,7 +155,7 @@ def _send(
     send_rows(
         stream,
         entity,
-        (rows.frames.frame_index[lines.row], rows.frames.capture_time_ns[lines.row]),
+        (rows.frames, lines.row),
         lambda part: rr.Measurements.columns(
             values=lines.values[part].ravel(), variances=lines.variances[part].ravel()
         ).partition([count] * len(lines.row[part])),
@@ -165,9 +165,9 @@ def _send(
 
 def _log_truth(stream: rr.RecordingStream, rows: CameraRows) -> None:
     """Log the truth: a line an object where things are followed, else points."""
-    truth = rows.truth
+    truth, shown = rows.truth, true_in_plots(rows)
     for quantity, values in {"depth": truth.depth_m, "height": truth.height_m}.items():
-        known = np.flatnonzero(np.isfinite(values))
+        known = np.flatnonzero(np.isfinite(values) & shown)
         if not len(known):
             continue
         entity = path("cameras", rows.name, quantity, "truth")
@@ -188,7 +188,7 @@ def _log_truth(stream: rr.RecordingStream, rows: CameraRows) -> None:
         send_rows(
             stream,
             entity,
-            (rows.frames.frame_index[lines.row], rows.frames.capture_time_ns[lines.row]),
+            (rows.frames, lines.row),
             lambda part, lines=lines, count=count: rr.Scalars.columns(  # type: ignore[misc]
                 scalars=lines.values[part].ravel()
             ).partition([count] * len(lines.row[part])),
@@ -219,7 +219,7 @@ def _send_points(
     send_rows(
         stream,
         entity,
-        (rows.frames.frame_index[row], rows.frames.capture_time_ns[row]),
+        (rows.frames, row),
         lambda part: rr.Scalars.columns(scalars=values[part]),
         style,
     )
@@ -227,4 +227,16 @@ def _send_points(
 
 def in_plots(rows: CameraRows) -> BoolArray:
     """Return which observations are in the plots, (n,)."""
+    if rows.alone_track is not None:
+        return np.asarray(rows.observations.track == rows.alone_track)
     return np.asarray(rows.tracks.slot[rows.observations.track] >= 0)
+
+
+def true_in_plots(rows: CameraRows) -> BoolArray:
+    """Return which rows of the truth are in the plots, (g,): all, or what one track was matched to."""
+    if rows.alone_track is None:
+        return np.ones(len(rows.truth.row), dtype=np.bool_)
+    if rows.matched is None:
+        return np.zeros(len(rows.truth.row), dtype=np.bool_)
+    mine = rows.matched.object_id[rows.observations.track == rows.alone_track]
+    return np.isin(rows.truth.object_id.astype(str), [str(o) for o in mine if o is not None])

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from dashboards.columns import CameraRows
@@ -14,6 +15,7 @@ from dashboards.names import markdown
 from dashboards.slots import SLOTS
 from dashboards.style import METHOD_ORDER, Z_95
 from pipeline import __version__
+from pipeline.records import FloatArray
 
 MAX_ROWS = 200
 TEXT_COLUMNS = ("camera", "class", "method")
@@ -179,20 +181,21 @@ def _reading_text(cameras: Sequence[CameraRows]) -> str:
     return "\n\n".join(lines)
 
 
-def tracks_text(track_heights: pa.Table, tracks: pa.Table, cameras: Sequence[CameraRows]) -> str:
+def tracks_text(tables: Mapping[str, pa.Table], cameras: Sequence[CameraRows]) -> str:
     """Return a table of the tracks, each by its best method, the longest first if there are many."""
     rank = {str(method): i for i, method in enumerate(METHOD_ORDER)}
     best: dict[tuple[str, int], dict[str, Any]] = {}
-    for row in track_heights.to_pylist():
+    for row in tables["track_heights"].to_pylist():
         key = (row["camera"], row["track_id"])
         if key not in best or rank.get(row["method"], 99) < rank.get(best[key]["method"], 99):
             best[key] = row
     if not best:
         return "No track has a distance."
-    about = {(row["camera"], row["track_id"]): row for row in tracks.to_pylist()}
-    several = len(cameras) > 1
-    head = ["camera"] if several else []
+    about = {(row["camera"], row["track_id"]): row for row in tables["tracks"].to_pylist()}
+    true = _true_of_tracks(cameras)
+    head = ["camera"] if len(cameras) > 1 else []
     head += ["track", "class", "frames", "first", "last", "depth, m", "height, m (95 %)", "method"]
+    head += ["true height, m", "depth off"] if true else []
     lines = [
         _table_row(head),
         _table_row([":--" if h in TEXT_COLUMNS else "--:" for h in head]),
@@ -202,7 +205,7 @@ def tracks_text(track_heights: pa.Table, tracks: pa.Table, cameras: Sequence[Cam
         rows = sorted(sorted(rows, key=lambda r: -r[1]["observation_count"])[:MAX_ROWS])
     for (camera, track_id), row in rows:
         track = about.get((camera, track_id), {})
-        cells = [markdown(camera)] if several else []
+        cells = [markdown(camera)] if len(cameras) > 1 else []
         cells += [
             f"#{track_id}",
             markdown(track.get("class_name") or ""),
@@ -213,10 +216,35 @@ def tracks_text(track_heights: pa.Table, tracks: pa.Table, cameras: Sequence[Cam
             _height_text(row),
             markdown(row["method"]),
         ]
+        cells += true.get((camera, track_id), ("", "")) if true else []
         lines.append(_table_row(cells))
     if len(best) > MAX_ROWS:
         lines.append(f"\nThe {MAX_ROWS} longest of {len(best):,}; the others are in the database.")
     return "\n".join(lines)
+
+
+def _true_of_tracks(cameras: Sequence[CameraRows]) -> dict[tuple[str, int], tuple[str, str]]:
+    """Return the true height of each matched track, and the median error of its depth."""
+    found = {}
+    for rows in cameras:
+        if rows.matched is None:
+            continue
+        off = 100 * (rows.best.depth_m / rows.matched.depth_m - 1)
+        order = np.argsort(rows.observations.track, kind="stable")
+        edges = np.searchsorted(
+            rows.observations.track[order], np.arange(len(rows.tracks.track_id) + 1)
+        )
+        for i, track_id in enumerate(rows.tracks.track_id.tolist()):
+            mine = order[edges[i] : edges[i + 1]]
+            height_m, depth_off = rows.matched.height_m[mine], off[mine]
+            cells = (_median_text(height_m, ".2f", ""), _median_text(depth_off, "+.1f", " %"))
+            found[str(rows.camera["camera"]), track_id] = cells
+    return found
+
+
+def _median_text(values: FloatArray, form: str, unit: str) -> str:
+    known = values[np.isfinite(values)]
+    return f"{np.median(known):{form}}{unit}" if len(known) else ""
 
 
 def _height_text(row: Mapping[str, Any]) -> str:

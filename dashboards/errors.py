@@ -74,7 +74,7 @@ def _log_medians(
         send_rows(
             stream,
             path("cameras", rows.name, "error", quantity, method),
-            (rows.frames.frame_index[row], rows.frames.capture_time_ns[row]),
+            (rows.frames, row),
             lambda part, median=median: rr.Scalars.columns(  # type: ignore[misc]
                 scalars=median[part]
             ),
@@ -130,7 +130,7 @@ def _log_worst(stream: rr.RecordingStream, rows: CameraRows) -> None:
         f"#{n}: {d:.2f} m by {title(m)}, truly {t:.2f} m: {e:+.1f} %"
         for n, d, m, t, e in zip(number, depth_m, method, true_m, worst.error, strict=True)
     ]
-    index = clocks(rows.frames.frame_index[row], rows.frames.capture_time_ns[row])
+    index = clocks(rows.frames, row)
     stream.send_columns(
         path("cameras", rows.name, "worst"),
         index,
@@ -149,7 +149,7 @@ def _log_points(stream: rr.RecordingStream, rows: CameraRows, row: IntArray, wor
     send_rows(
         stream,
         path("cameras", rows.name, "error", "worst"),
-        (rows.frames.frame_index[row[first]], rows.frames.capture_time_ns[row[first]]),
+        (rows.frames, row[first]),
         lambda part: rr.Scalars.columns(scalars=values[part]),
         rr.SeriesPoints(
             names=["the worst, % of the depth"],

@@ -28,7 +28,7 @@ def log_exposure(stream: rr.RecordingStream, name: str, frames: Frames) -> None:
         send_rows(
             stream,
             path("cameras", name, "exposure", column),
-            (frames.frame_index[known], frames.capture_time_ns[known]),
+            (frames, known),
             lambda part, values=values[known]: rr.Scalars.columns(  # type: ignore[misc]
                 scalars=values[part]
             ),

@@ -11,7 +11,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from dashboards.columns import BoolArray, CameraRows
-from dashboards.layout import screen_scale
 from dashboards.style import Z_95
 from pipeline.records import FloatArray, IntArray
 
@@ -79,7 +78,7 @@ def placed_labels(rows: CameraRows) -> tuple[pa.Array, FloatArray, FloatArray]:
     """
     first, second = label_lines(rows)
     number = pc.list_element(pc.split_pattern(first, NO_BREAK), 0)
-    scale = screen_scale(rows.camera)
+    scale = rows.screen_scale
     longest = np.maximum(*(pc.utf8_length(line).to_numpy(False) for line in (first, second)))
     width = (longest * CHARACTER_PX + MARGIN_PX) / scale
     short_width = (pc.utf8_length(number).to_numpy(False) * CHARACTER_PX + MARGIN_PX) / scale

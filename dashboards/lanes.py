@@ -224,7 +224,7 @@ def _send(
     columns = rr.StateChange.columns(state=states[there].tolist())
     stream.send_columns(
         entity,
-        clocks(frames.frame_index[row], frames.capture_time_ns[row]),
+        clocks(frames, row),
         columns.partition(there.astype(np.int64)),
     )
 

@@ -25,7 +25,7 @@ def log_boxes(stream: rr.RecordingStream, rows: CameraRows) -> None:
     """Log the boxes of each frame with their labels, and the true boxes."""
     seen, camera = rows.observations, (rows.name, "camera")
     colour = rows.tracks.colour[seen.track]
-    boxes, box_colour = seen.bbox_xyxy_px + CORNER_PX, packed(colour)
+    boxes, box_colour = _shown(rows, seen.bbox_xyxy_px), packed(colour)
     send_sets(
         stream,
         path("cameras", *camera, "tracks"),
@@ -35,8 +35,8 @@ def log_boxes(stream: rr.RecordingStream, rows: CameraRows) -> None:
         rr.Boxes2D.from_fields(radii=BOX_RADIUS),
     )
     texts, middle, half_width = placed_labels(rows)
-    middle, text_colour = middle + CORNER_PX, packed(tinted(colour))
-    half = np.column_stack([half_width, np.zeros(len(half_width))])
+    middle, text_colour = _shown(rows, middle), packed(tinted(colour))
+    half = np.column_stack([half_width * rows.scale, np.zeros(len(half_width))])
     # Only the text is wanted: what it hangs from is hidden behind the picture.
     entity = path("cameras", *camera, "labels")
     stream.log(entity, rr.Boxes2D.from_fields(draw_order=BEHIND, show_labels=True), static=True)
@@ -54,7 +54,7 @@ def log_boxes(stream: rr.RecordingStream, rows: CameraRows) -> None:
         ),
     )
     known = np.isfinite(rows.truth.bbox_xyxy_px).all(axis=1)
-    true_boxes = rows.truth.bbox_xyxy_px[known] + CORNER_PX
+    true_boxes = _shown(rows, rows.truth.bbox_xyxy_px[known])
     send_sets(
         stream,
         path("cameras", *camera, "truth"),
@@ -66,6 +66,11 @@ def log_boxes(stream: rr.RecordingStream, rows: CameraRows) -> None:
         ),
         rr.Boxes2D.from_fields(radii=TRUTH_RADIUS),
     )
+
+
+def _shown(rows: CameraRows, points_px: FloatArray) -> FloatArray:
+    """Return points of the stored picture as points of that on the timeline."""
+    return (points_px + CORNER_PX) * rows.scale
 
 
 def _centred(boxes_px: FloatArray) -> dict[str, FloatArray]:

@@ -61,7 +61,7 @@ class Pose:
 
 def log_camera(stream: rr.RecordingStream, rows: CameraRows, frustum_m: float) -> None:
     """Log where the camera is and how it sees; lens distortion is not drawn."""
-    camera, pose = rows.camera, Pose.of(rows.camera)
+    camera, pose, scale = rows.camera, Pose.of(rows.camera), rows.scale
     world = path("cameras", rows.name)
     stream.log(world, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     if not lens_known(camera):
@@ -71,11 +71,11 @@ def log_camera(stream: rr.RecordingStream, rows: CameraRows, frustum_m: float) -
         rr.Transform3D(translation=[0, 0, pose.height_m], mat3x3=pose.world_from_camera()),
         rr.Pinhole(
             image_from_camera=[
-                [camera["fx_px"], 0, camera["cx_px"] + 0.5],
-                [0, camera["fy_px"], camera["cy_px"] + 0.5],
+                [camera["fx_px"] * scale, 0, (camera["cx_px"] + 0.5) * scale],
+                [0, camera["fy_px"] * scale, (camera["cy_px"] + 0.5) * scale],
                 [0, 0, 1],
             ],
-            resolution=[camera["width_px"], camera["height_px"]],
+            resolution=[camera["width_px"] * scale, camera["height_px"] * scale],
             camera_xyz=rr.ViewCoordinates.RDF,
             image_plane_distance=frustum_m,
         ),

@@ -10,29 +10,23 @@ loopback only, and is stopped at the end. Exit code 1 if a view complains.
 from __future__ import annotations
 
 import argparse
-import importlib.util
-import os
-import socket
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
 
 import cv2
 import numpy as np
 
 from dashboards.stream import FRAME
-from pipeline.errors import StadimeterError, Where
+from dashboards.viewer import started
+from pipeline.errors import StadimeterError
 
-START_S, LOADING_S = 60.0, 60.0
+LOADING_S = 60.0
 # The viewer's own notices lie over the panels for some seconds after its start.
 NOTICES_S = 6.0
 BAR_PX = 37  # the window's own bar, which tells of this machine
-DRIVERS = ("/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d")
 
 
 class Viewer:
@@ -89,15 +83,6 @@ class Viewer:
         target.write_bytes(encoded.tobytes())
 
 
-def missing() -> str:
-    """Return what is missing for a picture, as a sentence; empty if nothing is."""
-    if importlib.util.find_spec("rerun_cli") is None:
-        return "there is no Rerun viewer (pip install rerun-sdk)"
-    if not any(Path(folder).is_dir() and any(Path(folder).iterdir()) for folder in DRIVERS):
-        return "there is no Vulkan driver (Debian: apt install mesa-vulkan-drivers)"
-    return ""
-
-
 @contextmanager
 def viewer(recording: Path, *, size: str = "1920x1080") -> Iterator[Viewer]:
     """Open a recording in a headless viewer on the loopback.
@@ -105,66 +90,9 @@ def viewer(recording: Path, *, size: str = "1920x1080") -> Iterator[Viewer]:
     Raises:
         StadimeterError: the viewer does not start, or does not answer.
     """
-    import rerun_cli  # not in every installation
-
-    binary = Path(rerun_cli.__file__).with_name("rerun")
-    port = _free_port()
-    command = [str(binary), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
-    command += ["--window-size", size, "--hide-welcome-screen", str(recording)]
-    environment = os.environ | {"RERUN_ANALYTICS": "false", "RUST_LOG": "error"}
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(  # noqa: S603  (our own arguments)
-            command, env=environment, stdout=subprocess.DEVNULL, stderr=said
-        )
-        try:
-            yield Viewer(_connect(process, port, said, recording))
-        finally:
-            process.terminate()
-            try:
-                process.wait(10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-
-
-def _connect(
-    process: subprocess.Popen[bytes], port: int, said: IO[bytes], recording: Path
-) -> object:
-    from rerun.experimental import ViewerClient
-
-    deadline = time.monotonic() + START_S
-    while time.monotonic() < deadline:
-        if process.poll() is not None:
-            raise StadimeterError(
-                f"the Rerun viewer ended at once: {_last_words(said)}",
-                where=Where(recording),
-                remedy="Is there a Vulkan driver? Debian's is in mesa-vulkan-drivers",
-            )
-        try:
-            client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-            if client.get_state().views:
-                return client
-        except Exception:  # noqa: S110  (the client's errors have no common type)
-            pass
-        time.sleep(0.3)
-    raise StadimeterError("the Rerun viewer does not answer", where=Where(recording))
-
-
-def _last_words(said: IO[bytes]) -> str:
-    said.seek(0)
-    lines = said.read().decode("utf-8", "replace").splitlines()
-    panic = next((i for i, line in enumerate(lines) if "panicked at" in line), None)
-    if panic is not None:
-        return lines[panic].strip()
-    spoken = [line.strip() for line in lines if "rror" in line]
-    return spoken[-1] if spoken else "it said nothing"
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    options = ["--headless", "--window-size", size, "--hide-welcome-screen"]
+    with started(recording, options) as running:
+        yield Viewer(running.client())
 
 
 def main() -> int:

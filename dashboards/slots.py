@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 
 import numpy as np
+import numpy.typing as npt
 
 from pipeline.records import IntArray
 
@@ -20,18 +21,25 @@ LONGEST_GAP_FRAMES = 8
 NAMES_SHOWN = 6
 
 
-def slots(first: IntArray, last: IntArray) -> IntArray:
+def slots(first: IntArray, last: IntArray, alone: npt.NDArray[np.bool_] | None = None) -> IntArray:
     """Return a slot for each track, (n,); -1 for those that find none free.
 
     Args:
         first: first frame of each track, (n,).
         last: last frame of each, (n,).
+        alone: which share their slot with no other, (n,).
     """
     free_from = np.full(SLOTS, -1, dtype=np.int64)
     taken = np.full(len(first), -1, dtype=np.int64)
+    if alone is not None:
+        ours = np.flatnonzero(alone)[:SLOTS]
+        taken[ours] = np.arange(len(ours))
+        free_from[: len(ours)] = np.iinfo(np.int64).max
     for track in np.lexsort(
         (first - last, first)
     ).tolist():  # of those that begin together, long first
+        if taken[track] >= 0:
+            continue
         slot = int(np.argmin(free_from))  # the one that has been unused for longest
         if free_from[slot] <= first[track]:
             taken[track] = slot

@@ -1,4 +1,4 @@
-"""Columns on their way into a Rerun recording: the two clocks, and rows in slices."""
+"""Columns on their way into a Rerun recording: the clocks, and rows in slices."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ import rerun as rr
 from dashboards.columns import Frames
 from pipeline.records import IntArray
 
-# The number of the frame within its camera, and when it was taken.
-FRAME, TIME = "frame", "time"
+# The number of the frame within its camera, when it was taken, and how long after the recording's
+# start that was: the clock that recordings of different days share.
+FRAME, TIME, ELAPSED = "frame", "time", "elapsed"
 # What the viewer itself makes chunks of; larger ones are slow to move about in.
 SLICE_FRAMES = 4096
 
 Columns = Callable[[slice], rr.ComponentColumnList]
 
 
-def clocks(frame_index: IntArray, capture_time_ns: IntArray) -> list[rr.TimeColumn]:
-    """Return the times of rows on both timelines."""
+def clocks(frames: Frames, row: IntArray | slice) -> list[rr.TimeColumn]:
+    """Return the times of frames, by their position, on all timelines."""
+    capture_time_ns = frames.capture_time_ns[row]
     return [
-        rr.TimeColumn(FRAME, sequence=frame_index),
+        rr.TimeColumn(FRAME, sequence=frames.frame_index[row]),
         rr.TimeColumn(TIME, timestamp=capture_time_ns.astype("datetime64[ns]")),
+        rr.TimeColumn(
+            ELAPSED, duration=(capture_time_ns - frames.start_ns).astype("timedelta64[ns]")
+        ),
     ]
-
-
-def clocks_of(frames: Frames, row: IntArray | slice) -> list[rr.TimeColumn]:
-    """Return the times of frames by their position."""
-    return clocks(frames.frame_index[row], frames.capture_time_ns[row])
 
 
 def send_sets(
@@ -60,14 +60,14 @@ def send_sets(
         chosen = sent[first : first + SLICE_FRAMES]
         things = slice(int(starts[chosen[0]]), int(starts[chosen[-1] + 1]))
         stream.send_columns(
-            entity, clocks_of(frames, chosen), columns(things).partition(count[chosen])
+            entity, clocks(frames, chosen), columns(things).partition(count[chosen])
         )
 
 
 def send_rows(
     stream: rr.RecordingStream,
     entity: str,
-    times: tuple[IntArray, IntArray],
+    at: tuple[Frames, IntArray],
     columns: Columns,
     style: rr.AsComponents | None = None,
 ) -> None:
@@ -76,16 +76,16 @@ def send_rows(
     Args:
         stream: where to.
         entity: its path.
-        times: frame index and capture time of each row, (n,) each.
+        at: the frames of the camera, and the frame of each row as a position in them, (n,).
         columns: gives the columns by slice.
         style: what holds at all times.
     """
     if style is not None:
         stream.log(entity, style, static=True)
-    frame_index, capture_time_ns = times
-    for first in range(0, len(frame_index), SLICE_FRAMES):
+    frames, row = at
+    for first in range(0, len(row), SLICE_FRAMES):
         part = slice(first, first + SLICE_FRAMES)
-        stream.send_columns(entity, clocks(frame_index[part], capture_time_ns[part]), columns(part))
+        stream.send_columns(entity, clocks(frames, row[part]), columns(part))
 
 
 def logged_markdown(stream: rr.RecordingStream, texts: Iterable[tuple[str, str]]) -> None:

@@ -19,7 +19,7 @@ from pipeline.errors import StadimeterError, UsageError
 
 if TYPE_CHECKING:
     from pipeline.calibrate.walkers import Known
-    from pipeline.config import DetectConfig
+    from pipeline.config import DetectConfig, TimelineConfig
 
 DONE, FAILED, USAGE, DAMAGED = 0, 1, 2, 3
 DEFAULT_DB = Path("stadimeter.duckdb")
@@ -65,6 +65,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_estimate(commands)
     _add_query(commands)
     _add_report(commands)
+    _add_review(commands)
     _add_demo(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -79,6 +80,13 @@ def _add_run(commands: Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING")
     _add_db(parser)
     parser.add_argument("--rrd", type=Path, metavar="DIR", help="write a Rerun timeline of each")
+    _add_preview(parser, "--rrd-preview")
+    parser.add_argument(
+        "--rrd-split",
+        type=float,
+        metavar="MINUTES",
+        help="a timeline for each so many minutes of a recording (default: 60)",
+    )
     parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")
     parser.add_argument("--detector", choices=("auto", "recorded", "roi", "motion", "onnx"))
     parser.add_argument("--model", type=Path, metavar="FILE", help="the network of onnx")
@@ -100,7 +108,11 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.workers < 1:
         raise UsageError("--workers must be at least 1")
     config = load_config(arguments.camera)
-    config = replace(config, detect=_detect_config(arguments, config.detect))
+    config = replace(
+        config,
+        detect=_detect_config(arguments, config.detect),
+        timeline=_timeline_config(config.timeline, arguments.rrd_preview, arguments.rrd_split),
+    )
     with progress_lines() as report:
         result = run(
             arguments.recordings,
@@ -414,6 +426,87 @@ def _report(arguments: argparse.Namespace) -> int:
     write_report(arguments.db, arguments.output)
     out.print(f"report    {safe(arguments.output)}", soft_wrap=True)
     return DONE
+
+
+def _add_review(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "review", help="look at recordings on a Rerun timeline; several share one clock"
+    )
+    parser.add_argument(
+        "recordings", nargs="+", metavar="RECORDING", help="file, or its name or id in the database"
+    )
+    _add_db(parser)
+    parser.add_argument(
+        "--at", metavar="TIME", help="open there: ISO 8601, seconds from the start, or #frame"
+    )
+    parser.add_argument("--track", type=int, metavar="ID", help="show this track, and open there")
+    parser.add_argument("--track-camera", metavar="NAME", help="the camera of --track or of #frame")
+    parser.add_argument("-o", "--output", type=Path, metavar="RRD", help="write it, open nothing")
+    parser.add_argument(
+        "--browser", action="store_true", help="serve it to a browser, on this machine only"
+    )
+    _add_preview(parser, "--preview")
+    parser.set_defaults(function=_review)
+
+
+def _review(arguments: argparse.Namespace) -> int:
+    from dataclasses import replace
+
+    from dashboards.review import Review, elsewhere, open_review, place_for, write_review
+    from dashboards.viewer import no_display, no_viewer
+    from pipeline.config import Config
+    from pipeline.console import out, safe
+    from pipeline.store.database import Store
+
+    config = Config()
+    config = replace(config, timeline=_timeline_config(config.timeline, arguments.preview, None))
+    review = Review(arguments.recordings, arguments.at, arguments.track, arguments.track_camera)
+    hindrance = no_viewer() if arguments.browser else no_display()
+    output = arguments.output
+    if output is None and hindrance:
+        output = Path(f"{Path(arguments.recordings[0]).stem}.review.rrd")
+    with place_for(output) as target:
+        with Store.open(arguments.db, read_only=True) as store:
+            written = write_review(store, review, target, config)
+        for remark in written.remarks:
+            out.print(f"shown     {safe(remark)}", soft_wrap=True)
+        if output is None:
+            open_review(
+                written, lambda line: out.print(line, soft_wrap=True), browser=arguments.browser
+            )
+            return DONE
+        out.print(f"timeline  {safe(output)}", soft_wrap=True)
+        if hindrance and arguments.output is None:
+            out.print(f"{hindrance}; to look at it:")
+            for line in elsewhere(output):
+                out.print(f"  {safe(line)}", soft_wrap=True)
+    return DONE
+
+
+def _timeline_config(
+    timeline: TimelineConfig, preview_px: int | None, split_minutes: float | None
+) -> TimelineConfig:
+    """Return how to write timelines: what the command line says goes before the camera file."""
+    from dataclasses import replace
+
+    if preview_px is not None:
+        if preview_px < 16:
+            raise UsageError("a preview needs at least 16 pixels")
+        timeline = replace(timeline, preview_px=preview_px)
+    if split_minutes is not None:
+        if not split_minutes > 0:
+            raise UsageError("--rrd-split must be above 0")
+        timeline = replace(timeline, split_s=60 * split_minutes)
+    return timeline
+
+
+def _add_preview(parser: argparse.ArgumentParser, name: str) -> None:
+    parser.add_argument(
+        name,
+        type=int,
+        metavar="PX",
+        help="shrink the timeline's pictures to so many pixels, for small files",
+    )
 
 
 def _add_demo(commands: Commands[argparse.ArgumentParser]) -> None:

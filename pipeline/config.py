@@ -152,6 +152,14 @@ class ExposureFields:
 
 
 @dataclass(frozen=True, slots=True)
+class TimelineConfig:
+    """How timelines are written (`--rrd`, `stadimeter review`)."""
+
+    preview_px: int | None = None  # the longer side of their pictures; None: as recorded
+    split_s: float = 3600.0  # a file an hour: with previews about as much as a viewer holds
+
+
+@dataclass(frozen=True, slots=True)
 class CameraConfig:
     """What is known of a camera beside its recordings; NaN is unknown.
 
@@ -193,6 +201,7 @@ class Config:
     detect: DetectConfig = DetectConfig()
     track: TrackConfig = TrackConfig()
     estimate: EstimateConfig = EstimateConfig()
+    timeline: TimelineConfig = TimelineConfig()
     camera: tuple[CameraConfig, ...] = ()
     size_prior: tuple[SizePrior, ...] = (ADULT,)
     calibration: tuple[Calibration, ...] = ()

@@ -25,21 +25,16 @@ from typing import Any
 
 from pipeline import __version__
 from pipeline.config import Config
-from pipeline.diagnostics import Notes
 from pipeline.errors import StadimeterError, StoreError, Where
 from pipeline.first_pass import measure_recording
-from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
 from pipeline.lifeline import die_with_parent
 from pipeline.progress import Progress, Report, silent
-from pipeline.raw_image import compressed
-from pipeline.records import PASS_ONE, Diagnostic, Severity
+from pipeline.records import Diagnostic, Severity
 from pipeline.second_pass import estimate_recording
 from pipeline.stages import StageTimes
 from pipeline.store.database import RecordingRow, Store
 
 LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "rerun-sdk", "scipy")
-CURRENT_TABLES = ("estimates", "track_heights", "observation_quality")
 
 
 @dataclass(slots=True)
@@ -48,7 +43,7 @@ class Outcome:
 
     path: Path
     recording: RecordingRow | None = None
-    timeline: Path | None = None
+    timelines: list[Path] = field(default_factory=list)
     error: StadimeterError | None = None
     times: StageTimes = field(default_factory=StageTimes)
 
@@ -101,7 +96,9 @@ def run(
             shutil.rmtree(folder, ignore_errors=True)
             if timelines is not None and outcome.recording is not None:
                 with outcome.times.stage("timeline"):
-                    outcome.timeline = write_timeline_of(store, outcome, timelines, config, report)
+                    outcome.timelines = write_timelines_of(
+                        store, outcome, timelines, config, report
+                    )
             if outcome.recording is not None:
                 frames = outcome.recording.frame_count
                 report(Progress(outcome.path.name, "done", frames, 1.0))
@@ -206,27 +203,16 @@ def _store(
             estimate_recording(store, recording_id, run_id, outcome.path.name, config)
 
 
-def write_timeline_of(
+def write_timelines_of(
     store: Store, outcome: Outcome, folder: Path, config: Config, report: Report
-) -> Path:
-    """Write the Rerun recording of a stored recording; its pictures are passed through."""
-    from dashboards.timeline import StillEncoded, write_timeline  # heavy, and not always wanted
+) -> list[Path]:
+    """Write the Rerun recordings of a stored recording; a long one is split by time."""
+    from dashboards.split import write_timelines  # heavy, and not always wanted
 
     recording = outcome.recording
     assert recording is not None  # noqa: S101  (narrowing)
     report(Progress(outcome.path.name, "timeline", recording.frame_count, 1.0))
-    recording_id = recording.recording_id
-    tables = {name: store.read(name, recording_id) for name in (*PASS_ONE, "matches")}
-    tables |= {name: store.read_current(name, recording_id) for name in CURRENT_TABLES}
-    notes = Notes()  # pass 1 has reported what is wrong with the file
-    file = McapFile(outcome.path, config.limits, notes.add)
-    images = (
-        StillEncoded(f.camera, f.frame_index, f.capture_time_ns, f.image_format, f.image)
-        for f in map(compressed, FrameAssembler(file, config.ingest, notes, config.camera))
-    )
-    path = folder / f"{outcome.path.stem}.rrd"
-    write_timeline(path, store.read("recordings", recording_id).to_pylist()[0], images, tables)
-    return path
+    return write_timelines(store, recording.recording_id, outcome.path, folder, config)
 
 
 @contextmanager

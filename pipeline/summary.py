@@ -35,8 +35,8 @@ def print_run(result: RunResult, database: Path) -> None:
         err.print(f"stadimeter: {safe(outcome.error)}", soft_wrap=True)
     out.print(f"database  {safe(database)}", soft_wrap=True)
     for outcome in result.outcomes:
-        if outcome.timeline is not None:
-            out.print(f"timeline  {safe(outcome.timeline)}", soft_wrap=True)
+        for timeline in outcome.timelines:
+            out.print(f"timeline  {safe(timeline)}", soft_wrap=True)
     if result.damaged:
         with Store.open(database, read_only=True) as store:
             print_damage(store, result.run_id)

@@ -11,7 +11,8 @@ from rerun.chunk import RrdReader
 
 from dashboards.names import entity_part, markdown, path, visible
 from dashboards.scene import Pose
-from dashboards.screenshot import missing, viewer
+from dashboards.screenshot import viewer
+from dashboards.viewer import no_driver
 from pipeline.config import Config
 from pipeline.diagnostics import Notes
 from pipeline.ingest.frames import FrameAssembler
@@ -30,7 +31,7 @@ def timeline(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recording = folder / "people.mcap"
     write_people(recording)
     result = run([recording], folder / "x.duckdb", LEVEL, timelines=folder)
-    assert result.outcomes[0].timeline == folder / "people.rrd"
+    assert result.outcomes[0].timelines == [folder / "people.rrd"]
     return folder / "people.rrd"
 
 
@@ -118,8 +119,8 @@ def test_the_scene_agrees_with_the_optics() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["street", "staff"])
 def test_the_viewer_shows_the_demo_recordings(name: str, tmp_path: Path) -> None:
-    if missing():
-        pytest.skip(missing())
+    if no_driver():
+        pytest.skip(no_driver())
     recording = ROOT / "recordings" / f"{name}.mcap"
     run([recording], tmp_path / "x.duckdb", Config(), timelines=tmp_path)
     with viewer(tmp_path / f"{name}.rrd", size="1280x720") as shown:
