@@ -3,10 +3,11 @@
     python -m bench.walkers --cameras 100
 
 Boxes only: people of normal stature walk straight paths before a camera of random height, tilt, roll
-and focal length; head and feet bob as in a gait, boxes are off by noise that stays for half a second,
-and some boxes hold two people or half of one. In a second set of scenes everybody passes behind a wall
-that no box tells of, for a second or two. No picture is drawn: this tests geometry and statistics, not
-the detector.
+and focal length; heads bob and feet swing as in a gait, boxes end where the outline of a body does
+(`optics.silhouette`; that rendered bodies do is shown by `bench.scenes`) and are off by noise that stays
+for half a second, and some boxes hold two people or half of one. In a second set of scenes everybody
+passes behind a wall that no box tells of, for a second or two. No picture is drawn: this tests geometry
+and statistics, not the detector.
 
 `fused` is compared with its best member, the surest being the ground: with what is drawn here, and the
 error of the median over one camera's people being what it is, cameras differ by a few hundredths.
@@ -27,13 +28,22 @@ from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate import fused, ground, size
 from pipeline.estimate.columns import Measured
 from pipeline.estimate.gait import EXCURSION_M, GAIT_DROP_M, GAIT_DROP_STD_M, as_standing
-from pipeline.estimate.geometry import Geometry
+from pipeline.estimate.reach import with_reach
 from pipeline.estimate.tracks import track_heights
 from pipeline.optics.ground_plane import (
+    add_roll,
     foot_depth_m,
     ground_position_m,
     project_person,
     remove_roll,
+)
+from pipeline.optics.silhouette import (
+    REACH_COMMON_STD,
+    REACH_STD,
+    REACH_TRACK_STD,
+    mean_reach,
+    silhouette_rows,
+    steepness,
 )
 from pipeline.quality import assess
 from pipeline.records import FloatArray, GroundPlane, Intrinsics, Method
@@ -77,11 +87,12 @@ def scene(
         plane = GroundPlane(random.uniform(2.5, 8.0), tilt_rad, roll_rad)
         # who walks here is not the population: another country, other shoes
         local_mean_m = random.normal(ADULT.mean_m, POPULATION_MEAN_STD_M)
+        shoes = random.normal(0, REACH_COMMON_STD)
         boxes, depths, ids, times, heights = [], [], [], [], []
         for _ in range(30 * people):
             tall_m = random.normal(local_mean_m, ADULT.std_m)
             walking_m = tall_m - max(random.normal(GAIT_DROP_M, GAIT_DROP_STD_M), 0.0)
-            walk = _walk(random, plane, intrinsics, walking_m)
+            walk = _walk(random, plane, intrinsics, walking_m, shoes)
             if walk is None:
                 continue
             box, depth = walk
@@ -132,7 +143,11 @@ def _hide_feet(random: np.random.Generator, box: FloatArray) -> None:
 
 
 def _walk(
-    random: np.random.Generator, plane: GroundPlane, intrinsics: Intrinsics, tall_m: float
+    random: np.random.Generator,
+    plane: GroundPlane,
+    intrinsics: Intrinsics,
+    tall_m: float,
+    shoes: float,
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return boxes (n, 4) and depths (n,) of a straight walk, or None if it is hardly in view."""
     focal = np.array([intrinsics.fx_px, intrinsics.fy_px])
@@ -149,8 +164,7 @@ def _walk(
     x_m = passed[0] + np.cos(heading) * speed_m_s * time_s
     y_m = passed[1] + np.sin(heading) * speed_m_s * time_s
     bob_m = EXCURSION_M / 2 * np.cos(2 * np.pi * STEP_HZ * time_s + random.uniform(0, 6))
-    pose = (plane.camera_height_m, plane.tilt_rad, plane.roll_rad)
-    foot, head = project_person(x_m, y_m, tall_m + bob_m, *pose)
+    foot, head = _outline(random, plane, x_m, y_m, tall_m + bob_m, heading, shoes, time_s)
     foot_px, head_px = foot * focal + centre, head * focal + centre
     tall_px = foot_px[:, 1] - head_px[:, 1]
     inside = (
@@ -179,6 +193,29 @@ def _walk(
     return box[inside], along_m[inside]
 
 
+def _outline(
+    random: np.random.Generator,
+    plane: GroundPlane,
+    x_m: FloatArray,
+    y_m: FloatArray,
+    tall_m: FloatArray,
+    heading_rad: float,
+    shoes: float,
+    time_s: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the ends, (n, 2) each, of a walker's outline, the reach changing with every step."""
+    foot, head = project_person(x_m, y_m, tall_m, plane.camera_height_m, plane.tilt_rad)
+    steep, _ = steepness(head[:, 1], plane.tilt_rad)
+    towards = -np.sin(heading_rad)
+    reach = mean_reach(steep, towards, towards**2) + shoes + random.normal(0, REACH_TRACK_STD)
+    reach += (
+        REACH_STD * np.sqrt(2) * np.cos(2 * np.pi * STEP_HZ * time_s + random.uniform(0, 2 * np.pi))
+    )
+    low, high = silhouette_rows(foot[:, 1], head[:, 1], plane.tilt_rad, reach)
+    ends = (np.stack([foot[:, 0], low], axis=1), np.stack([head[:, 0], high], axis=1))
+    return add_roll(ends[0], plane.roll_rad), add_roll(ends[1], plane.roll_rad)
+
+
 @dataclass(frozen=True, slots=True)
 class Score:
     """What came out of one camera by one method: errors, relative and in standard deviations."""
@@ -196,7 +233,7 @@ def score(simulated: Scene, plane: GroundPlane, method: Method = Method.FUSED) -
     """Return how good the estimates with this pose are."""
     measured = replace(simulated.measured, ground_plane=plane)
     quality = assess(measured)
-    geometry = Geometry(quality.applied(measured))
+    geometry = with_reach(quality.applied(measured))
     members = {
         Method.GROUND: ground.estimate(geometry),
         Method.SIZE: size.estimate(geometry, Config()),

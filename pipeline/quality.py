@@ -43,6 +43,8 @@ ASPECT_CHANGE = 2.0
 # A frame's height is compared with its track's only if so many frames show the track whole.
 MIN_WHOLE = 8
 HIDDEN, NOT_ALONE = -3.0, 3.0  # standard deviations of a frame's height from its track's
+TAILS = 2.5  # farther from the median than this, a frame is not asked for it again
+REJECTIONS = 2
 CLEAR_OCCLUSION = 0.05  # of a box, by other boxes
 
 
@@ -145,17 +147,23 @@ def against_track(
     found = assess(m) if quality is None else quality
     whole = np.isfinite(height_m) & (m.occlusion < CLEAR_OCCLUSION)
     whole &= found.ends_visible & found.aspect_plausible
-    chosen = pd.Series(np.where(whole, height_m, np.nan))
-    by_track = chosen.groupby(m.track_id)
-    count = by_track.transform("count").to_numpy(dtype=np.float64)
-    middle_m = by_track.transform("median").to_numpy(dtype=np.float64)
+    noise_m = np.hypot(height_noise_m, GAIT_STD_M)
+    off = np.zeros(len(m))
+    for _ in range(REJECTIONS):
+        # What is off is all on one side, and draws the median there.
+        chosen = pd.Series(np.where(whole & (np.abs(off) < TAILS), height_m, np.nan))
+        by_track = chosen.groupby(m.track_id)
+        count = by_track.transform("count").to_numpy(dtype=np.float64)
+        middle_m = by_track.transform("median").to_numpy(dtype=np.float64)
+        with np.errstate(invalid="ignore"):
+            off = np.nan_to_num((height_m - middle_m) / noise_m)
     apart = pd.Series(np.abs(chosen.to_numpy() - middle_m)).groupby(m.track_id)
     spread_m = 1.4826 * apart.transform("median").to_numpy(dtype=np.float64)
     independent = np.maximum(count * independent_share(m), 1.0)
     std_m = np.sqrt(np.pi / 2) * np.maximum(spread_m, GAIT_STD_M) / np.sqrt(independent)
     middle_m = np.where(count >= MIN_WHOLE, middle_m, np.nan)
     with np.errstate(invalid="ignore"):
-        off = (height_m - middle_m) / np.hypot(height_noise_m, GAIT_STD_M)
+        off = (height_m - middle_m) / noise_m
     return AgainstTrack(middle_m, std_m, off)
 
 

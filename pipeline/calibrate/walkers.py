@@ -4,8 +4,9 @@ Each person's height is the same all along the track, near and far: that fixes t
 the ratio of every height to the camera's. The population's mean stature fixes the scale. Robust
 nonlinear least squares over the rows of the heads, given the feet:
 
-    y_h = (Z y_f - H cos t) / (Z - H sin t),   Z = h_c / (y_f cos t + sin t)
+    y_h = (Z y_f - H' cos t) / (Z - H' sin t),   Z = h_c / (y_f cos t + sin t)
 
+H' being how tall a body of the height H seems from there (`optics.silhouette.per_stature`),
 with the pose (h_c, t, roll), one height H a person, and the ratio of the mean of the people here to the
 population's as unknowns. Where somebody's height is known, or how far apart two points on the ground
 are, that fixes the scale instead of the population.
@@ -13,7 +14,7 @@ are, that fixes the scale instead of the population.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -24,8 +25,22 @@ from pipeline.config import SizePrior
 from pipeline.errors import CalibrationUndetermined, UsageError
 from pipeline.estimate.columns import Measured
 from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M
-from pipeline.estimate.geometry import camera_of
-from pipeline.optics.ground_plane import foot_depth_m, ground_position_m, height_m, remove_roll
+from pipeline.estimate.geometry import Geometry, camera_of
+from pipeline.estimate.reach import reach_of
+from pipeline.optics.ground_plane import (
+    add_roll,
+    foot_depth_m,
+    ground_position_m,
+    height_m,
+    remove_roll,
+)
+from pipeline.optics.silhouette import (
+    REACH_COMMON_STD,
+    UNKNOWN_REACH_STD,
+    mean_reach,
+    per_stature,
+    steepness,
+)
 from pipeline.quality import assess
 from pipeline.records import FloatArray, GroundPlane
 
@@ -40,19 +55,24 @@ CORRELATION_S = 0.5
 # A walker's head rises and falls by about 2 cm either side, and the box's foot is now one foot, now
 # the other (Whittle, Gait Analysis: vertical excursion of the trunk 46 mm).
 GAIT_STD = 0.02  # of the stature
-# The mean of the people who happen to walk here differs from the population's, beyond chance: by
-# country, age, shoes.
-POPULATION_MEAN_STD_M = 0.03
+# The mean of the people who happen to walk here differs from the population's, beyond chance. The mean
+# statures of the 200 countries are 19-20 cm apart at most (NCD-RisC 2016, eLife 5:e13410), which of so
+# many normal deviates is 5.5 deviations: 0.036 m. A share of men of 0.5 +- 0.2, who are 0.12 m taller:
+# 0.024 m. Age, at 1 cm a decade of birth and more when old, and shoes, of 1-4 cm: 0.015 m each. Together
+# 0.05 m.
+POPULATION_MEAN_STD_M = 0.05
 # Where something here is known in metres it decides; the population still keeps a fit from running off.
 FREE_MEAN_STD = 0.3  # relative
 MIN_VARIANCE_RATIO = 0.5  # see _covariance
 # The result must be this well determined to be of use.
 MAX_HEIGHT_ERROR = 0.15  # standard error of the camera's height, relative
-MAX_TILT_ERROR_RAD = np.deg2rad(3.0)
+MAX_TILT_ERROR_RAD = np.deg2rad(5.0)
 # A track this many standard deviations of the population's stature from the median is not one grown
 # person: of a hundred people one is lost, of groups and fragments most.
 MAX_DEVIATION = 2.6
 MAX_REJECTIONS = 4
+REFINEMENTS = 2  # which way people walk is known better with each pose; the second moves it little
+USUAL_TILT_RAD = np.deg2rad(20.0)  # before there is one
 TILTS_RAD = np.deg2rad([2.0, 8.0, 15.0, 25.0, 35.0, 50.0])
 # Cameras are put up upright; nothing else holds roll in a narrow view.
 ROLL_STD_RAD = np.deg2rad(5.0)
@@ -108,8 +128,9 @@ class WalkersReport:
 class _Sample:
     """The observations that are used, by track number 0..p-1; points are normalised, roll and all."""
 
-    foot: FloatArray  # (n, 2)
-    head: FloatArray  # (n, 2)
+    foot: FloatArray  # (n, 2) the lower end of the silhouette
+    head: FloatArray  # (n, 2) its upper end
+    reach: FloatArray  # (n,) how far the lower end is before the axis, of the stature
     sigma: FloatArray  # (n,) of the head's row, normalised
     track: npt.NDArray[np.intp]  # (n,)
     weight: FloatArray  # (n,) the share of an independent observation that a row is
@@ -187,16 +208,12 @@ def calibrate_from_walkers(
             f"{MIN_PEOPLE} are needed",
             remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
         )
-    scale = _Scale.of(sample, prior, known, measured)
-    best = _best_fit(sample, scale)
-    for _ in range(MAX_REJECTIONS):
-        # Somebody whose height is known may be as tall as they like.
-        alike = _alike(sample, best, prior) | ~scale.of_population
-        if alike.all() or alike.sum() < MIN_PEOPLE:
-            break
-        sample = _only(sample, alike)
-        scale = _Scale.of(sample, prior, known, measured)
-        best = _best_fit(sample, scale)
+    sample, best = _fit_alike(sample, prior, known, measured)
+    for _ in range(REFINEMENTS):
+        chosen = set(sample.track_id.tolist())
+        again = _sample(measured, prior, _plane(best))
+        sample = _only(again, np.array([i in chosen for i in again.track_id.tolist()]))
+        sample, best = _fit_alike(sample, prior, known, measured, best)
     covariance = _covariance(best, sample)
     std = np.sqrt(np.diag(covariance))
     above_m, tilt, roll = float(np.exp(best.x[0])), float(best.x[1]), float(best.x[2])
@@ -210,6 +227,31 @@ def calibrate_from_walkers(
     return GroundPlane(above_m, tilt, roll, covariance, "walkers"), report
 
 
+def _fit_alike(
+    sample: _Sample,
+    prior: SizePrior,
+    known: Known,
+    measured: Measured,
+    before: OptimizeResult | None = None,
+) -> tuple[_Sample, OptimizeResult]:
+    """Fit, leave out whom the fit shows not to be one grown person, and fit again."""
+    scale = _Scale.of(sample, prior, known, measured)
+    best = _best_fit(sample, scale, before)
+    for _ in range(MAX_REJECTIONS):
+        # Somebody whose height is known may be as tall as they like.
+        alike = _alike(sample, best, prior) | ~scale.of_population
+        if alike.all() or alike.sum() < MIN_PEOPLE:
+            break
+        sample = _only(sample, alike)
+        scale = _Scale.of(sample, prior, known, measured)
+        best = _best_fit(sample, scale, best)
+    return sample, best
+
+
+def _plane(fit: OptimizeResult) -> GroundPlane:
+    return GroundPlane(float(np.exp(fit.x[0])), float(fit.x[1]), float(fit.x[2]))
+
+
 def _check(known: Known, measured: Measured) -> None:
     for person in known.heights:
         if not (measured.track_id == person.track_id).any():
@@ -221,8 +263,8 @@ def _check(known: Known, measured: Measured) -> None:
             raise UsageError("a known distance needs two points that are apart, and its length")
 
 
-def _sample(measured: Measured, prior: SizePrior) -> _Sample:
-    """Choose whole, unhidden people, spread over each track."""
+def _sample(measured: Measured, prior: SizePrior, plane: GroundPlane | None = None) -> _Sample:
+    """Choose whole, unhidden people, spread over each track; a pose tells more of their outlines."""
     usable = (
         (measured.class_name == prior.object_class)
         & ~measured.truncated.any(axis=1)
@@ -230,7 +272,7 @@ def _sample(measured: Measured, prior: SizePrior) -> _Sample:
         & assess(measured).ends_visible
     )
     empty = _Sample(
-        *(np.empty((0, 2)),) * 2, np.empty(0), np.empty(0, np.intp), np.empty(0), _NOBODY
+        *(np.empty((0, 2)),) * 2, *(np.empty(0),) * 2, np.empty(0, np.intp), np.empty(0), _NOBODY
     )
     if measured.intrinsics is None or not usable.any():
         return empty
@@ -252,33 +294,53 @@ def _sample(measured: Measured, prior: SizePrior) -> _Sample:
     if not rows:
         return empty
     index = np.concatenate(rows)
-    box = measured.bbox_xyxy_px[index]
-    middle = (box[:, 0] + box[:, 2]) / 2
-    camera = camera_of(measured.intrinsics)
-    foot = camera.normalize(np.stack([middle, box[:, 3]], axis=1))
-    head = camera.normalize(np.stack([middle, box[:, 1]], axis=1))
+    foot, head, reach, reach_std, tilt = _ends(measured, plane)
+    foot, head, reach, reach_std = foot[index], head[index], reach[index], reach_std[index]
     std_px = np.hypot(measured.std_xyxy_px[index, 1], measured.std_xyxy_px[index, 3])
     tall = foot[:, 1] - head[:, 1]
-    sigma = np.hypot(std_px / measured.intrinsics.fy_px, GAIT_STD * tall)
+    steep, _ = steepness(head[:, 1], tilt)
+    own = np.hypot(GAIT_STD, reach_std * np.nan_to_num(steep))
+    sigma = np.hypot(std_px / measured.intrinsics.fy_px, own * tall)
     return _Sample(
-        foot, head, sigma, np.concatenate(tracks), np.concatenate(weights), np.array(ids)
+        foot, head, reach, sigma, np.concatenate(tracks), np.concatenate(weights), np.array(ids)
     )
+
+
+def _ends(
+    measured: Measured, plane: GroundPlane | None
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """Return the ends of silhouettes as seen, with the roll, their reach and its spread, and a tilt.
+
+    Which way somebody walks, and how they lean in the picture, is known once there is a pose.
+    """
+    count = len(measured)
+    geometry = Geometry(measured)
+    if plane is None:
+        reach = np.full(count, mean_reach(np.tan(USUAL_TILT_RAD)))
+        reach_std = np.full(count, UNKNOWN_REACH_STD)
+        return geometry.foot, geometry.head, reach, reach_std, USUAL_TILT_RAD
+    posed = replace(measured, ground_plane=plane)
+    leaning = Geometry(posed)
+    roll = plane.roll_rad
+    foot, head = add_roll(leaning.foot, roll), add_roll(leaning.head, roll)
+    return foot, head, *reach_of(posed, plane), plane.tilt_rad
 
 
 _NOBODY = np.empty(0, dtype=np.int64)
 
 
 # The unknowns: log camera height, tilt, roll, log of the mean of the people here over the population's,
-# and the height of each.
-_POSE, _MEAN, _PEOPLE = slice(0, 3), 3, 4
+# what all reaches have in common, and the height of each.
+_POSE, _MEAN, _REACH, _PEOPLE = slice(0, 3), 3, 4, 5
 
 
 def _predict(x: FloatArray, sample: _Sample) -> FloatArray:
     """Return the rows at which the heads should be, without roll."""
     camera_height_m, tilt, roll, heights_m = np.exp(x[0]), x[1], x[2], x[_PEOPLE:]
     y_f = remove_roll(sample.foot, roll)[:, 1]
+    y_h = remove_roll(sample.head, roll)[:, 1]
     z_m = foot_depth_m(camera_height_m, tilt, y_f)
-    tall_m = heights_m[sample.track]
+    tall_m = heights_m[sample.track] * per_stature(y_h, tilt, sample.reach + x[_REACH])
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray((z_m * y_f - tall_m * np.cos(tilt)) / (z_m - tall_m * np.sin(tilt)))
 
@@ -291,7 +353,7 @@ def _residuals(x: FloatArray, sample: _Sample, scale: _Scale) -> FloatArray:
     error = np.where(np.isfinite(error), error, 100.0) * np.sqrt(sample.weight)
     mean_m = scale.mean_m * np.where(scale.of_population, np.exp(x[_MEAN]), 1.0)
     people = (x[_PEOPLE:] - mean_m) / scale.std_m
-    few = [x[2] / ROLL_STD_RAD, x[_MEAN] / scale.mean_std]
+    few = [x[2] / ROLL_STD_RAD, x[_MEAN] / scale.mean_std, x[_REACH] / REACH_COMMON_STD]
     return np.concatenate([error, people, few, _distance_errors(x, scale)])
 
 
@@ -308,8 +370,12 @@ def _distance_errors(x: FloatArray, scale: _Scale) -> FloatArray:
     return np.where(np.isfinite(error), error, 100.0)
 
 
-def _best_fit(sample: _Sample, scale: _Scale) -> OptimizeResult:
-    """Return the better of the fits from the two most promising tilts."""
+def _best_fit(
+    sample: _Sample, scale: _Scale, before: OptimizeResult | None = None
+) -> OptimizeResult:
+    """Return the fit from where one was before, or the better from the two most promising tilts."""
+    if before is not None and before.x[1] > 0:
+        return _fit(sample, scale, float(before.x[1]))
     starts = sorted(TILTS_RAD, key=lambda tilt: _start_cost(sample, scale, tilt))
     fits = [_fit(sample, scale, tilt) for tilt in starts[:2]]
     return min(fits, key=lambda fit: float(fit.cost))
@@ -326,6 +392,7 @@ def _alike(sample: _Sample, fit: OptimizeResult, prior: SizePrior) -> npt.NDArra
     y_h = remove_roll(sample.head, pose[2])[:, 1]
     z_m = foot_depth_m(np.exp(pose[0]), pose[1], y_f)
     tall_m = height_m(z_m, y_f, y_h, pose[1])
+    tall_m = tall_m / per_stature(y_h, pose[1], sample.reach + pose[_REACH])
     typical_m = np.array([np.nanmedian(tall_m[sample.track == t]) for t in range(sample.people)])
     relative = typical_m / np.nanmedian(typical_m) - 1
     return np.abs(relative) < MAX_DEVIATION * prior.std_m / prior.mean_m
@@ -338,6 +405,7 @@ def _only(sample: _Sample, kept: npt.NDArray[np.bool_]) -> _Sample:
     return _Sample(
         sample.foot[rows],
         sample.head[rows],
+        sample.reach[rows],
         sample.sigma[rows],
         number[sample.track[rows]],
         sample.weight[rows],
@@ -348,7 +416,7 @@ def _only(sample: _Sample, kept: npt.NDArray[np.bool_]) -> _Sample:
 def _start(sample: _Sample, scale: _Scale, tilt: float) -> FloatArray:
     """Return unknowns to start from at a tilt: everybody is as tall as is expected of them."""
     above_m = _height_for(sample, scale, tilt)
-    return np.concatenate([[np.log(above_m), tilt, 0.0, 0.0], scale.mean_m])
+    return np.concatenate([[np.log(above_m), tilt, 0.0, 0.0, 0.0], scale.mean_m])
 
 
 def _start_cost(sample: _Sample, scale: _Scale, tilt: float) -> float:
@@ -360,12 +428,12 @@ def _start_cost(sample: _Sample, scale: _Scale, tilt: float) -> float:
 def _fit(sample: _Sample, scale: _Scale, tilt: float) -> OptimizeResult:
     people, rows = sample.people, len(sample.track)
     start = _start(sample, scale, tilt)
-    pattern = lil_matrix((rows + people + 2 + len(scale.points), _PEOPLE + people), dtype=int)
+    pattern = lil_matrix((rows + people + 3 + len(scale.points), _PEOPLE + people), dtype=int)
     pattern[:, :_PEOPLE] = 1
     pattern[np.arange(rows), _PEOPLE + sample.track] = 1
     pattern[rows + np.arange(people), _PEOPLE + np.arange(people)] = 1
-    low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, *(0.4 * scale.mean_m)]
-    high = [np.log(200.0), np.deg2rad(89), 0.35, 1.0, *(1.6 * scale.mean_m)]
+    low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, -0.3, *(0.4 * scale.mean_m)]
+    high = [np.log(200.0), np.deg2rad(89), 0.35, 1.0, 0.3, *(1.6 * scale.mean_m)]
     return least_squares(
         _residuals,
         start,
@@ -382,7 +450,8 @@ def _fit(sample: _Sample, scale: _Scale, tilt: float) -> OptimizeResult:
 def _height_for(sample: _Sample, scale: _Scale, tilt: float) -> float:
     """Return the camera height that gives people their expected stature at a tilt, in the median."""
     y_f, y_h = sample.foot[:, 1], sample.head[:, 1]
-    unit_m = foot_depth_m(1.0, tilt, y_f) * (y_f - y_h) / (np.cos(tilt) - y_h * np.sin(tilt))
+    unit_m = height_m(foot_depth_m(1.0, tilt, y_f), y_f, y_h, tilt)
+    unit_m = unit_m / per_stature(y_h, tilt, sample.reach)
     typical = np.nanmedian(unit_m) if np.isfinite(unit_m).any() else np.nan
     return float(np.clip(np.median(scale.mean_m) / typical, 0.5, 100.0)) if typical > 0 else 5.0
 

@@ -16,6 +16,7 @@ from pipeline.estimate.columns import Estimated, Measured
 from pipeline.estimate.gait import as_standing
 from pipeline.estimate.geometry import Geometry
 from pipeline.estimate.notes import not_applicable, outside_calibration
+from pipeline.estimate.reach import with_reach
 from pipeline.estimate.tracks import track_heights
 from pipeline.quality import assess, with_track
 from pipeline.records import (
@@ -70,7 +71,7 @@ def estimate(
     used: dict[str, Calibration] = {}
     for measured in measured_by_camera(observations, frames, cameras, poses):
         quality = assess(measured)
-        geometry = Geometry(quality.applied(measured))
+        geometry = with_reach(quality.applied(measured))
         made = {method: run(geometry, config) for method, run in METHODS.items()}
         made = {m: e for m, e in made.items() if np.isfinite(e.depth_m).any()}
         by_blur, said = defocus.estimate(geometry, config, made)

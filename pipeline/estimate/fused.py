@@ -69,7 +69,7 @@ def estimate(
         by_ground = members[Method.GROUND]
         track = track or beside_track(m, by_ground)
         of_prior &= ~_use_head(fused, geometry, plane, by_ground, track)
-    _smooth(fused, geometry, plane)
+    _smooth(fused, geometry, plane, members.get(Method.GROUND))
     if plane is not None:
         _heights_on_ground(fused, geometry, plane, members)
     as_standing(m, fused, fused.speed_m_s, of_prior)
@@ -296,11 +296,16 @@ def _head_depth(
     return np.where(ahead_m > 0, depth_m, np.nan), noise_m, per_height
 
 
-def _smooth(fused: Estimated, geometry: Geometry, plane: GroundPlane | None) -> None:
+def _smooth(
+    fused: Estimated, geometry: Geometry, plane: GroundPlane | None, ground: Estimated | None
+) -> None:
     """Smooth positions along the tracks; depths, ranges and deviations follow from them."""
     m = geometry.measured
     position, covariance = _places(fused, geometry, plane)
-    inflated = covariance / independent_share(m)[:, None, None]
+    # Boxes repeat their errors; the swing of the feet about its mean does not, it comes back every step.
+    share = independent_share(m)[:, None, None]
+    stride = _stride(fused, geometry, plane, ground)
+    inflated = (covariance - stride) / share + stride
     time_s = (m.capture_time_ns - m.capture_time_ns.min(initial=0)) / 1e9
     smoothed = smooth_tracks(m.track_id, time_s, position, inflated)
     several = pd.Series(m.track_id).groupby(m.track_id).transform("count").to_numpy() > 1
@@ -322,6 +327,24 @@ def _smooth(fused: Estimated, geometry: Geometry, plane: GroundPlane | None) -> 
     else:
         away_m = np.sqrt(fused.x_m**2 + fused.y_m**2 + (fused.depth_m * geometry.middle[:, 1]) ** 2)
     fused.range_m = np.where(use, away_m, fused.range_m)
+
+
+def _stride(
+    fused: Estimated, geometry: Geometry, plane: GroundPlane | None, ground: Estimated | None
+) -> FloatArray:
+    """Return the covariance of the error that the feet's swing makes of the positions, (n, 2, 2)."""
+    stride = np.zeros((len(geometry.measured), 2, 2))
+    if plane is None or ground is None or geometry.reach_std is None:
+        return stride
+    of_all, of_foot = (
+        np.nan_to_num(e.depth_std_m**2 - e.depth_common_std_m**2) for e in (fused, ground)
+    )
+    # The share that the foot has in the depth, the head having the rest.
+    share = np.clip(of_all / np.maximum(of_foot, 1e-12), 0.0, 1.0)
+    swing_m2 = np.minimum((share * geometry.reach_std * geometry.reach_m) ** 2, of_all)
+    ahead = np.full(len(share), 1.0 / np.cos(plane.tilt_rad))
+    along = np.column_stack([geometry.middle[:, 0], ahead])
+    return np.asarray(swing_m2[:, None, None] * along[:, :, None] * along[:, None, :])
 
 
 def _places(

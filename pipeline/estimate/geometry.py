@@ -9,8 +9,9 @@ import numpy as np
 
 from pipeline.estimate.columns import BoolArray, Measured
 from pipeline.optics.distortion import check_distortion
-from pipeline.optics.ground_plane import remove_roll
+from pipeline.optics.ground_plane import foot_depth_m, height_m, remove_roll
 from pipeline.optics.pinhole import PinholeCamera
+from pipeline.optics.silhouette import axis_rows
 from pipeline.optics.thin_lens import image_distance_mm
 from pipeline.records import FloatArray, Intrinsics
 
@@ -40,9 +41,15 @@ class Geometry:
 
     Without intrinsics they come from pixel pitch and image distance, which tells sizes but not
     directions: those are NaN.
+
+    Of a body the ends are where its axis meets the ground, and its crown (`optics.silhouette`): `reach`
+    is how far its lower end is before the axis, in shares of its height, (n,), and `reach_std` how that
+    differs from frame to frame; NaN for what is a line. Without `reach` all are lines.
     """
 
     measured: Measured
+    reach: FloatArray | None = None
+    reach_std: FloatArray | None = None
 
     @cached_property
     def image_distance_mm(self) -> FloatArray:
@@ -161,7 +168,30 @@ class Geometry:
             lean = np.where(self.height_cut | ~np.isfinite(lean), 0.0, lean)
             step = np.column_stack([lean, np.zeros(len(lean))])
             foot, head = at_foot + remove_roll(step, roll), at_head - remove_roll(step, roll)
-        return foot, head
+        return self._axis(foot, head, tilt)
+
+    def _axis(
+        self, foot: FloatArray, head: FloatArray, tilt: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return where the axis of a body begins and ends; of a line its ends."""
+        if self.reach is None:
+            return foot, head
+        y_foot, y_head = axis_rows(foot[:, 1], head[:, 1], tilt, self.reach)
+        body = np.isfinite(y_foot) & np.isfinite(y_head) & ~self.height_cut
+        low = np.where(body, y_foot, foot[:, 1])
+        high = np.where(body, y_head, head[:, 1])
+        return np.column_stack([foot[:, 0], low]), np.column_stack([head[:, 0], high])
+
+    @cached_property
+    def reach_m(self) -> FloatArray:
+        """What reach makes of the depth, in metres for each unit of it; 0 for a line."""
+        plane = self.measured.ground_plane
+        if self.reach is None or plane is None:
+            return np.zeros(len(self.measured))
+        tilt = plane.tilt_rad
+        depth_m = foot_depth_m(plane.camera_height_m, tilt, self.foot[:, 1])
+        tall_m = height_m(depth_m, self.foot[:, 1], self.head[:, 1], tilt)
+        return np.where(np.isfinite(self.reach), np.nan_to_num(tall_m) * np.cos(tilt), 0.0)
 
     @cached_property
     def middle(self) -> FloatArray:
@@ -170,8 +200,16 @@ class Geometry:
 
     @cached_property
     def foot_std(self) -> FloatArray:
-        """Standard deviation of the lower edge, normalised."""
-        return self._std(3)
+        """Standard deviation of the foot's row, normalised: of the lower edge, and of the stride."""
+        box = self._std(3)
+        plane = self.measured.ground_plane
+        if self.reach_std is None or plane is None:
+            return box
+        tilt = plane.tilt_rad
+        slope = self.foot[:, 1] * np.cos(tilt) + np.sin(tilt)
+        # dy = -slope^2 dZ / h, and the reach moves Z by `reach_m`.
+        by_reach = slope**2 / plane.camera_height_m * self.reach_m
+        return np.hypot(box, np.nan_to_num(by_reach * self.reach_std))
 
     @cached_property
     def head_std(self) -> FloatArray:

@@ -14,6 +14,7 @@ from pipeline.optics.ground_plane import (
     height_m,
     range_m,
 )
+from pipeline.optics.silhouette import REACH_COMMON_STD, REACH_TRACK_STD
 
 
 def estimate(geometry: Geometry) -> Estimated:
@@ -34,10 +35,14 @@ def estimate(geometry: Geometry) -> Estimated:
 
     by_pose = np.stack(depth_jacobian(h_m, tilt, x_f, y_f), axis=1)
     depth_common = _quadratic(by_pose[:, :3], plane.covariance)
+    # How far a foot is before the axis differs by person, and by what all of them wear.
+    reach_std_m = np.hypot(REACH_TRACK_STD, REACH_COMMON_STD) * geometry.reach_m
+    depth_common += reach_std_m**2
     depth_std_m = np.sqrt(depth_common + (by_pose[:, 3] * geometry.foot_std) ** 2)
 
     tall_by = np.stack(height_jacobian(h_m, tilt, foot, head), axis=1)
     tall_common = _quadratic(tall_by[:, :3], plane.covariance)
+    tall_common += (tall_by[:, 3] / by_pose[:, 3] * reach_std_m) ** 2
     noise = (tall_by[:, 3] * geometry.foot_std) ** 2 + (tall_by[:, 4] * geometry.head_std) ** 2
 
     footless = m.truncated[:, 3]

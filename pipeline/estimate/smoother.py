@@ -34,6 +34,7 @@ class Smoothed:
     position_m: FloatArray  # (n, 2)
     velocity_m_s: FloatArray  # (n, 2)
     covariance: FloatArray  # (n, 2, 2) of the position
+    velocity_variance: FloatArray  # (n,) of either component, their mean
     weight: FloatArray  # (n,) 1 for one that fits, less the worse it fits
 
 
@@ -56,6 +57,7 @@ def smooth_tracks(
         np.full((count, 2), np.nan),
         np.full((count, 2), np.nan),
         np.full((count, 2, 2), np.nan),
+        np.full(count, np.nan),
         np.ones(count),
     )
     for rows, length in _batches(track, time_s):
@@ -102,6 +104,7 @@ def _smooth_batch(
     result.position_m[rows] = state[:, :2]
     result.velocity_m_s[rows] = state[:, 2:]
     result.covariance[rows] = spread[:, :2, :2]
+    result.velocity_variance[rows] = (spread[:, 2, 2] + spread[:, 3, 3]) / 2
     result.weight[rows] = weight
 
 

@@ -11,6 +11,7 @@ import pyarrow as pa
 from pipeline.estimate.columns import Measured
 from pipeline.optics.ground_plane import project_person
 from pipeline.optics.pinhole import PinholeCamera
+from pipeline.optics.silhouette import mean_reach, silhouette_rows, steepness
 from pipeline.records import CAMERAS, FRAMES, OBSERVATIONS, GroundPlane, Intrinsics
 
 VGA = Intrinsics(1280, 720, 1200.0, 1190.0, 640.0, 350.0)
@@ -78,6 +79,22 @@ def people(
     ends = [optics.project(np.column_stack([p, np.ones(len(p))])) for p in (foot, head)]
     middle = (ends[0][:, 0] + ends[1][:, 0]) / 2
     return np.stack([middle, ends[1][:, 1], middle, ends[0][:, 1]], axis=1)
+
+
+def outlined(
+    box: np.ndarray, plane: GroundPlane, heading_rad: float, camera: Intrinsics = VGA
+) -> np.ndarray:
+    """Return boxes of `people` as the outlines of bodies that walk in a direction; no roll."""
+    foot = (box[:, 3] - camera.cy_px) / camera.fy_px
+    head = (box[:, 1] - camera.cy_px) / camera.fy_px
+    steep, _ = steepness(head, plane.tilt_rad)
+    towards = -np.sin(heading_rad)
+    reach = mean_reach(steep, towards, towards**2)
+    low, high = silhouette_rows(foot, head, plane.tilt_rad, reach)
+    outline = box.copy()
+    outline[:, 3] = low * camera.fy_px + camera.cy_px
+    outline[:, 1] = high * camera.fy_px + camera.cy_px
+    return outline
 
 
 def _table(schema: pa.Schema, n: int, columns: dict[str, Any]) -> pa.Table:
