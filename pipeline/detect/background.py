@@ -17,8 +17,9 @@ from pipeline.picture import Image
 
 FloatImage = npt.NDArray[np.float32]
 
-# Grey levels of difference, at least, that count: JPEG at usual qualities leaves errors of 2-4.
-MIN_DIFFERENCE = 16.0
+# Grey levels of difference, at least, that count: JPEG at usual qualities leaves errors of 2-4 a pixel,
+# the mean of nine has half of that.
+MIN_DIFFERENCE = 10.0
 # Standard deviations of a pixel's own flicker that count (foliage, water, sensor noise).
 SPREADS = 4.5
 # 1.4826 turns a median absolute deviation into a standard deviation (normal distribution).
@@ -26,14 +27,6 @@ MAD_TO_STD = 1.4826
 FOLLOW_S = 10.0  # time constant where the background shows
 ABSORB_S = 90.0  # time constant where something stands before it
 UPDATE_S = 0.4  # the background changes slowly; following it more often buys nothing
-# A cast shadow scales the background's light by a factor and keeps its colour (Horprasert 1999).
-SHADOW_DARKEST, SHADOW_BRIGHTEST = 0.45, 0.95
-SHADOW_COLOUR = 0.06  # distance from the line of scaled background, relative to its brightness
-SHADOW_TEXTURE = 0.05  # spread of the scale within a small window, on smooth ground in shadow
-# The shadow around feet: its scale changes by so much over a few pixels, beside noise of so many grey
-# levels. Chosen on simulated scenes (recordings/simulate_walkers.py), among values about as good.
-CONTACT_SLOPE = 0.08
-NOISE_LEVELS = 4.0
 
 
 class Background:
@@ -41,7 +34,7 @@ class Background:
 
     def __init__(self, pictures: Sequence[Image]) -> None:
         middle = _remedian(list(pictures))
-        deviations = [_largest(cv2.absdiff(picture, middle)) for picture in pictures]
+        deviations = [largest(cv2.absdiff(picture, middle)) for picture in pictures]
         self._mean = middle.astype(np.float32)
         self._spread = _remedian(deviations).astype(np.float32) * np.float32(MAD_TO_STD)
         self._updated_s: float | None = None
@@ -52,16 +45,11 @@ class Background:
         limit = cv2.convertScaleAbs(self._spread, alpha=SPREADS)
         self._limit: Image = cv2.max(limit, MIN_DIFFERENCE)
 
-    def difference(self, picture: Image) -> Image:
-        """Return the largest difference of a pixel's channels, (h, w), brightness changes removed."""
-        reference = self._relit(picture)
-        return _largest(cv2.absdiff(picture, reference))
-
     def foreground(self, difference: Image) -> Image:
         """Return 255 where a difference is more than noise, else 0."""
         return cv2.compare(difference, self._limit, cv2.CMP_GT)
 
-    def _relit(self, picture: Image) -> Image:
+    def relit(self, picture: Image) -> Image:
         """Return the background at the brightness of this picture (clouds, automatic exposure)."""
         step = max(2, picture.shape[1] // 48)  # green alone stands for the brightness
         now = picture[::step, ::step, 1].astype(np.float32)
@@ -70,42 +58,6 @@ class Background:
         if abs(gain - 1.0) < 0.01:
             return self.mean_u8
         return cv2.convertScaleAbs(self.mean_u8, alpha=gain)
-
-    def remove_shadow(self, picture: Image, foreground: Image) -> None:
-        """Clear the foreground where it is ground in shadow: darker, same colour, no texture.
-
-        Shadows are soft and large: half of the resolution shows them, at a quarter of the cost. Only
-        foreground pixels are looked at, which are few.
-        """
-        size = (picture.shape[1] // 2, picture.shape[0] // 2)
-        mask = cv2.resize(foreground, size, interpolation=cv2.INTER_NEAREST)
-        found = cv2.findNonZero(mask)
-        if found is None:
-            return
-        columns, rows = found.reshape(-1, 2).T.astype(np.intp)
-        now, then = picture[2 * rows, 2 * columns], self.mean_u8[2 * rows, 2 * columns]
-        scale, alike = _scaled_alike(now, then)
-        smooth = _local_std(mask.shape, rows, columns, scale) < SHADOW_TEXTURE
-        shadow = alike & smooth
-        rows, columns = 2 * rows[shadow], 2 * columns[shadow]
-        for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
-            foreground[rows + down, columns + right] = 0
-
-    def shadow_like(self, picture: Image, box: npt.NDArray[np.intp]) -> npt.NDArray[np.bool_]:
-        """Return where a box (x0, y0, x1, y1) may be ground in the soft shadow around feet.
-
-        Such shadows are small, so pixels at their edges must count: their scale may change from one
-        pixel to the next, by the shadow's slope and by the noise of pixels of that brightness.
-        """
-        x0, y0, x1, y1 = box
-        now, then = picture[y0:y1, x0:x1], self.mean_u8[y0:y1, x0:x1]
-        flat, alike = _scaled_alike(now.reshape(-1, 3), then.reshape(-1, 3))
-        scale = flat.reshape(now.shape[:2])
-        mean = cv2.blur(scale, (3, 3))
-        variance = cv2.blur(scale * scale, (3, 3)) - mean * mean
-        level = then.mean(axis=2, dtype=np.float32) + np.float32(1)
-        soft = variance < (CONTACT_SLOPE + NOISE_LEVELS / level) ** 2
-        return alike.reshape(scale.shape) & soft
 
     def follow(self, picture: Image, occupied: Image, time_s: float) -> None:
         """Let the background follow a picture; `occupied` (h, w) is 255 where objects are, else 0."""
@@ -117,7 +69,7 @@ class Background:
         self._updated_s = time_s
         free = cv2.bitwise_not(occupied)
         # 1.25 turns a mean absolute deviation into a standard deviation (normal distribution)
-        flicker = cv2.convertScaleAbs(_largest(cv2.absdiff(picture, self.mean_u8)), alpha=1.25)
+        flicker = cv2.convertScaleAbs(largest(cv2.absdiff(picture, self.mean_u8)), alpha=1.25)
         calm_rate = 1.0 - np.exp(-elapsed_s / FOLLOW_S)
         cv2.accumulateWeighted(flicker, self._spread, calm_rate, mask=free)
         cv2.accumulateWeighted(picture, self._mean, calm_rate, mask=free)
@@ -126,7 +78,12 @@ class Background:
         self._freeze()
 
 
-def _largest(image: Image | cv2.typing.MatLike) -> Image:
+def difference(picture: Image, reference: Image) -> Image:
+    """Return the largest difference of a pixel's channels, (h, w)."""
+    return largest(cv2.absdiff(picture, reference))
+
+
+def largest(image: Image | cv2.typing.MatLike) -> Image:
     """Return the largest of the three channels, (h, w)."""
     blue, green, red = cv2.split(image)
     return cv2.max(cv2.max(blue, green), red)
@@ -150,30 +107,3 @@ def _median_of_5(images: list[Image]) -> Image:
     low = cv2.max(cv2.min(a, b), cv2.min(c, d))
     high = cv2.min(cv2.max(a, b), cv2.max(c, d))
     return cv2.max(cv2.min(e, low), cv2.min(cv2.max(e, low), high))
-
-
-def _scaled_alike(now: Image, then: Image) -> tuple[FloatImage, npt.NDArray[np.bool_]]:
-    """Return by which factor pixels (n, 3) are scaled, and whether they are alike but darker."""
-    pixels, ground = now.astype(np.float32), then.astype(np.float32) + 1.0
-    brightness = np.einsum("ij,ij->i", ground, ground)
-    scale = np.einsum("ij,ij->i", pixels, ground) / brightness
-    off_line = pixels - scale[:, None] * ground
-    distance = np.sqrt(np.einsum("ij,ij->i", off_line, off_line) / brightness)
-    alike = (scale > SHADOW_DARKEST) & (scale < SHADOW_BRIGHTEST) & (distance < SHADOW_COLOUR)
-    return scale, alike
-
-
-def _local_std(
-    shape: tuple[int, ...],
-    rows: npt.NDArray[np.intp],
-    columns: npt.NDArray[np.intp],
-    values: FloatImage,
-) -> FloatImage:
-    """Return, at scattered pixels, the spread of those of them within a window of 3 x 3."""
-    sums = np.zeros((*shape, 3), dtype=np.float32)
-    sums[rows, columns, 0] = 1.0
-    sums[rows, columns, 1] = values
-    sums[rows, columns, 2] = values * values
-    count, total, square = cv2.boxFilter(sums, -1, (3, 3), normalize=False)[rows, columns].T
-    mean = total / count
-    return np.sqrt(np.maximum(square / count - mean * mean, 0.0))

@@ -8,31 +8,47 @@ Lengths are shares of the picture or of the object, never pixels: a recording ma
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from pipeline.config import DetectConfig
-from pipeline.detect.background import Background
-from pipeline.detect.people import PERSON_ASPECT, PersonScale, join_parts, split_groups
+from pipeline.detect.background import Background, difference
+from pipeline.detect.ends import Unshaded, ends_of
+from pipeline.detect.groups import Pieces, split_groups
+from pipeline.detect.people import PERSON_ASPECT, PersonScale, join_parts
+from pipeline.detect.repair import repair
+from pipeline.detect.shadow import UNIT, ShadowLight
 from pipeline.picture import Image, Picture
-from pipeline.records import Boxes, FloatArray, Frame
+from pipeline.records import Boxes, Frame
 
-# The silhouettes are joined and labelled at no more than this height: enough for a person of a
-# twentieth of the picture, and labelling costs by the pixel.
-LABEL_HEIGHT_PX = 240
-# Columns of a silhouette lower than this share of its tallest are shadow or clutter at its side.
-SIDE_LOBE = 0.35
-# A silhouette's end is where this share of its typical width is reached: hair and shoes count, a
-# speck above or below does not.
-END_WIDTH = 0.25
-# How far an end lies from the body's true end, one sigma, in pixels of the reduced picture beside
-# what the silhouette itself shows: the blur of a half-covered pixel and of compression.
-END_STD_PX = 0.7
-# The shadow on which somebody stands reaches so far below their feet, as a share of their height.
-CONTACT_SHADOW = 0.15
-MARGIN_PX = 2  # around a silhouette, for what closing and halving left out
+# Noise is less in the mean of 3 x 3 pixels; a person of a twentieth of the picture is wider than that.
+SOFT_PX = (3, 3)
+# What is a step apart is joined, further up and down than to the sides.
+_JOIN = np.ones((5, 3), np.uint8)
+MIN_AREA_PX = 12  # of an outline: a person of the smallest height is two dozen pixels
+MIN_FILLED = 0.15  # of its box: a line of noise is less
+UNSEEN_STD = 0.07  # of the height: statures differ by 5 %, where feet are by a little more
+LESSON_S = 0.8  # shadows change with the sun; learning from every frame buys nothing
+BoxArray = npt.NDArray[np.intp]
+
+
+class Foreground(NamedTuple):
+    """What differs from the background, (h, w) each."""
+
+    mask: Image  # 255 where bodies are, shadows taken out
+    raw: Image  # the same with shadows
+    differs: Image  # grey levels
+    occupied: Image  # 255 where anything is that the background must not learn
+
+
+class Silhouettes(NamedTuple):
+    """What is in the foreground."""
+
+    pieces: Pieces  # one person each
+    whole: BoxArray  # of which all is seen, groups as one
 
 
 class MotionDetector:
@@ -44,194 +60,145 @@ class MotionDetector:
     def __init__(self, config: DetectConfig) -> None:
         self.learning_s = config.learning_s
         self._min_height = config.min_height
-        self._background: Background | None = None
         self._shape: tuple[int, ...] = ()
-        self._scale = PersonScale()
+        self._begin([])
+
+    def _begin(self, soft: Sequence[Image]) -> None:
+        self._background = Background(soft) if soft else None
+        self._people = PersonScale()
+        self._shadow = ShadowLight()
+        self._lesson_s = -np.inf
 
     def learn(self, pictures: Sequence[Picture]) -> None:
-        """Learn background and size of people from pictures spread over time, of the commonest size."""
+        """Learn background, light and people from pictures spread over time, of the commonest size."""
         shapes = [p.bgr.shape for p in pictures]
         if not shapes:
             return
         self._shape = max(set(shapes), key=shapes.count)
-        alike = [p.bgr for p in pictures if p.bgr.shape == self._shape]
-        self._background = Background(alike)
-        for image in alike:
-            mask, _ = _foreground(self._background, image)
-            self._scale.learn(self._silhouettes(mask))
+        soft = [cv2.blur(p.bgr, SOFT_PX) for p in pictures if p.bgr.shape == self._shape]
+        self._begin(soft)
+        assert self._background is not None  # noqa: S101  (narrowing)
+        for image in soft:
+            reference = self._background.relit(image)
+            mask = _joined(self._background.foreground(difference(image, reference)))
+            ratio = cv2.divide(image, reference, scale=UNIT)
+            self._shadow.learn(ratio, mask, _outlined(mask))
+        self._shadow.fit()
+        for image in soft:
+            seen = self._foreground(image, self._background.relit(image))
+            self._teach(self._silhouettes(seen), seen)
 
     def detect(self, frame: Frame, picture: Picture | None) -> Boxes:
         """Return what stands before the background."""
         if picture is None:
             return Boxes.empty()
+        image = cv2.blur(picture.bgr, SOFT_PX)
         if self._background is None or picture.bgr.shape != self._shape:
             # A new picture size is a new view: begin again with what is there.
             self._shape = picture.bgr.shape
-            self._background, self._scale = Background([picture.bgr]), PersonScale()
-        background, image = self._background, picture.bgr
-        mask, difference = _foreground(background, image)
-        found = self._silhouettes(mask)
-        self._scale.learn(found)
-        occupied = np.zeros_like(mask)
-        for x0, y0, x1, y1 in found:
-            occupied[y0:y1, x0:x1] = 255
-        background.follow(image, occupied, frame.capture_time_ns / 1e9)
-        feet = [_feet_without_shadow(mask, box, image, background) for box in found]
-        return _tighten(found, mask, difference, picture, self._min_height, feet)
+            self._begin([image])
+            assert self._background is not None  # noqa: S101  (narrowing)
+        background = self._background
+        reference = background.relit(image)
+        seen = self._foreground(image, reference)
+        found = self._silhouettes(seen)
+        self._teach(found, seen)
+        background.follow(image, seen.occupied, frame.capture_time_ns / 1e9)
 
-    def _silhouettes(self, mask: Image) -> npt.NDArray[np.intp]:
-        return _silhouettes(mask, self._min_height * mask.shape[0], self._scale)
+        def unshaded(box: tuple[int, int, int, int]) -> Image:
+            x0, y0, x1, y1 = box
+            return self._shadow.unshaded(image[y0:y1, x0:x1], reference[y0:y1, x0:x1])
+
+        return self._tighten(found, seen, picture, unshaded)
+
+    def _foreground(self, image: Image, reference: Image) -> Foreground:
+        """Return where bodies are, how they differ, and where anything is."""
+        assert self._background is not None  # noqa: S101  (narrowing)
+        differs = difference(image, reference)
+        raw = _joined(self._background.foreground(differs))
+        mask, occupied = raw.copy(), raw.copy()
+        for x0, y0, x1, y1 in _outlined(raw):
+            cv2.rectangle(occupied, (x0, y0), (x1 - 1, y1 - 1), (255,), cv2.FILLED)
+            part = slice(y0, y1), slice(x0, x1)
+            shade = self._shadow.find(cv2.divide(image[part], reference[part], scale=UNIT))
+            if shade is not None:
+                cv2.subtract(mask[part], shade, dst=mask[part])
+        return Foreground(mask, raw, differs, occupied)
+
+    def _silhouettes(self, seen: Foreground) -> Silhouettes:
+        """Return what is connected, or belongs together, one person each."""
+        mask = seen.mask
+        boxes = np.array(_outlined(mask), dtype=np.intp).reshape(-1, 4)
+        weight = np.array(
+            [float(cv2.countNonZero(mask[y0:y1, x0:x1])) for x0, y0, x1, y1 in boxes.tolist()]
+        )
+        boxes, weight = join_parts(boxes, weight, self._people)
+        size = boxes[:, 2:] - boxes[:, :2]
+        tall = size[:, 1] >= self._min_height * mask.shape[0]
+        filled = weight / np.maximum(size.prod(axis=1), 1) > MIN_FILLED
+        boxes = boxes[tall & filled]
+        doubt = np.zeros(len(boxes), dtype=bool)
+        if self._shadow.factors is not None:
+            boxes, doubt = repair(boxes, mask, seen.raw, self._people)
+        size = np.array([mask.shape[1], mask.shape[0]])
+        inside = (boxes[:, :2] > 1).all(axis=1) & (boxes[:, 2:] < size - 1).all(axis=1)
+        return Silhouettes(split_groups(boxes, mask, self._people), boxes[inside & ~doubt])
+
+    def _teach(self, found: Silhouettes, seen: Foreground) -> None:
+        """Learn how tall people are from those of whom all is seen."""
+        self._people.learn(found.whole)
+
+    def _tighten(
+        self, found: Silhouettes, seen: Foreground, picture: Picture, unshaded: Unshaded
+    ) -> Boxes:
+        """Return the boxes with their ends found to a fraction of a pixel, in stored pixels."""
+        edges, spreads, scores = [], [], []
+        mask, differs, pieces = seen.mask, seen.differs, found.pieces
+        for box, unseen in zip(pieces.boxes.tolist(), pieces.unseen.tolist(), strict=True):
+            ends = ends_of(mask, differs, unshaded, box)
+            if ends is None or ends[0][3] - ends[0][1] < self._min_height * mask.shape[0]:
+                continue
+            edges.append(ends[0])
+            tall = ends[0][3] - ends[0][1]
+            loose = [0.0, unseen[0] * UNSEEN_STD * tall, 0.0, unseen[1] * UNSEEN_STD * tall]
+            spreads.append(np.hypot(ends[1], loose))
+            scores.append(_score(differs, mask, box))
+        if not edges:
+            return Boxes.empty()
+        # Silhouette coordinates count pixel edges from 0; stored pixels have their centre at 0.
+        bbox = np.array(edges) * picture.reduction - 0.5
+        size = bbox[:, 2:] - bbox[:, :2]
+        aspect = size[:, 1] / np.maximum(size[:, 0], 1e-9)
+        person = (aspect >= PERSON_ASPECT[0]) & (aspect <= PERSON_ASPECT[1])
+        return Boxes(
+            bbox,
+            np.array(scores),
+            tuple("person" if p else "unknown" for p in person),
+            np.array(spreads) * picture.reduction,
+            (None,) * len(edges),
+        )
 
 
-def _foreground(background: Background, image: Image) -> tuple[Image, Image]:
-    """Return where something stands before the background, and how it differs."""
-    difference = background.difference(image)
-    mask = background.foreground(difference)
-    background.remove_shadow(image, mask)
-    return mask, difference
+def _joined(mask: Image) -> Image:
+    return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, _JOIN), np.uint8)
 
 
-def _silhouettes(mask: Image, min_height_px: float, people: PersonScale) -> npt.NDArray[np.intp]:
-    """Return boxes (n, 4) x0 y0 x1 y1, ends excluded, of what is connected or belongs together."""
-    scale = max(1, round(mask.shape[0] / LABEL_HEIGHT_PX))
-    small = cv2.resize(mask, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA)
-    _, small = cv2.threshold(small, 96, 255, cv2.THRESH_BINARY)
-    # Specks out, then what is a step apart joined, further up and down than to the sides.
-    small = cv2.medianBlur(small, 3)
-    small = cv2.morphologyEx(small, cv2.MORPH_CLOSE, np.ones((5, 3), np.uint8))
+def _outlined(mask: Image) -> list[tuple[int, int, int, int]]:
+    """Return the boxes x0, y0, x1, y1 of what is connected and no speck."""
     # Outlines of a sparse mask are found in a quarter of the time that labelling every pixel takes.
-    outlines, _ = cv2.findContours(small, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    rectangles = np.array([cv2.boundingRect(o) for o in outlines], dtype=np.intp).reshape(-1, 4)
-    # An outline runs through the middles of its pixels: half of its length is outside the area.
-    area = np.array([cv2.contourArea(o) + cv2.arcLength(o, True) / 2 + 1 for o in outlines])
-    x, y, width, height = rectangles.T
-    big = (area >= 6) & (height >= 2)
-    boxes = np.stack([x, y, x + width, y + height], axis=1)[big] * scale
-    weight = area[big].astype(np.float64)
-    boxes, weight = join_parts(boxes, weight, people)
-    size = boxes[:, 2:] - boxes[:, :2]
-    tall = size[:, 1] >= min_height_px
-    filled = weight * scale**2 / np.maximum(size.prod(axis=1), 1) > 0.2
-    kept = np.minimum(boxes[tall & filled], [mask.shape[1], mask.shape[0]] * 2)
-    return split_groups(kept, mask, people)
-
-
-def _tighten(
-    found: npt.NDArray[np.intp],
-    mask: Image,
-    difference: Image,
-    picture: Picture,
-    min_height: float,
-    feet: Sequence[Image],
-) -> Boxes:
-    """Return the boxes with their ends found to a fraction of a pixel, in stored pixels.
-
-    `feet` is the lowest part of each silhouette without what may be shadow.
-    """
-    edges, spreads, scores = [], [], []
-    for box, foot in zip(found, feet, strict=True):
-        ends = _ends_of(mask, box, foot)
-        if ends is None or ends[0][3] - ends[0][1] < min_height * mask.shape[0]:
+    outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    boxes = []
+    for outline in outlines:
+        if len(outline) < 4:
             continue
-        edges.append(ends[0])
-        spreads.append(ends[1])
-        scores.append(_score(difference, mask, box))
-    if not edges:
-        return Boxes.empty()
-    # Silhouette coordinates count pixel edges from 0; stored pixels have their centre at 0.
-    bbox = np.array(edges) * picture.reduction - 0.5
-    size = bbox[:, 2:] - bbox[:, :2]
-    aspect = size[:, 1] / np.maximum(size[:, 0], 1e-9)
-    person = (aspect >= PERSON_ASPECT[0]) & (aspect <= PERSON_ASPECT[1])
-    return Boxes(
-        bbox,
-        np.array(scores),
-        tuple("person" if p else "unknown" for p in person),
-        np.array(spreads) * picture.reduction,
-        (None,) * len(edges),
-    )
+        x, y, width, height = cv2.boundingRect(outline)
+        if width * height >= MIN_AREA_PX and width > 1:
+            boxes.append((x, y, x + width, y + height))
+    return boxes
 
 
-def _with_margin(mask: Image, box: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    low, high = box[:2] - MARGIN_PX, box[2:] + MARGIN_PX
-    size = [mask.shape[1], mask.shape[0]]
-    return np.concatenate([np.maximum(low, 0), np.minimum(high, size)])
-
-
-def _feet_without_shadow(
-    mask: Image, box: npt.NDArray[np.intp], image: Image, background: Background
-) -> Image:
-    """Return the lowest part of a silhouette without what has the colour of ground in shadow.
-
-    Where feet touch the ground it is in shadow, and the edges of that shadow are too small and too
-    rough to be known for one by their texture.
-    """
-    x0, y0, x1, y1 = _with_margin(mask, box)
-    y0 = max(y0, y1 - MARGIN_PX - int(2 * CONTACT_SHADOW * (box[3] - box[1])))
-    feet = mask[y0:y1, x0:x1].copy()
-    feet[background.shadow_like(image, np.array([x0, y0, x1, y1]))] = 0
-    return feet
-
-
-def _ends_of(
-    mask: Image, box: npt.NDArray[np.intp], feet: Image
-) -> tuple[list[float], list[float]] | None:
-    """Return the four ends of a silhouette and their standard deviations, in mask pixels."""
-    x0, y0, x1, y1 = _with_margin(mask, box)
-    part = mask[y0:y1, x0:x1]
-    columns = cv2.reduce(part, 0, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[0] / 255.0
-    body = columns >= SIDE_LOBE * columns.max(initial=0.0)
-    if columns.max(initial=0.0) < 2:
-        return None
-    first, last = int(np.argmax(body)), len(body) - int(np.argmax(body[::-1]))
-    rows = cv2.reduce(part[:, first:last], 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0] / 255.0
-    covered = rows[rows > 0]
-    level = max(END_WIDTH * float(np.median(covered)), 1.0) if len(covered) else np.inf
-    long = np.flatnonzero(rows >= level)
-    if len(long) < 2:
-        return None
-    top, top_std = _end(rows, int(long[0]), -1, level)
-    bottom, bottom_std = _end(rows, int(long[-1]), +1, level)
-    standing, shadow = _above_shadow(feet[:, first:last], level, len(rows), bottom)
-    bottom, bottom_std = standing, float(np.hypot(bottom_std, shadow / 3.0))
-    edges = [x0 + first, y0 + top, x0 + last, y0 + bottom]
-    side_std = float(np.hypot(END_STD_PX, 0.05 * (last - first)))
-    return [float(e) for e in edges], [side_std, top_std, side_std, bottom_std]
-
-
-def _above_shadow(feet: Image, level: float, height: int, bottom: float) -> tuple[float, float]:
-    """Return the lower end without the shadow on which the feet stand, and how much that took away.
-
-    As long as it is little: what goes on for longer has the colour of shadow itself, and is a leg.
-    """
-    rows = cv2.reduce(feet, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0] / 255.0
-    body = np.flatnonzero(rows >= level)
-    if not len(body):
-        return bottom, 0.0
-    end, _ = _end(rows, int(body[-1]), +1, level)
-    end += height - len(rows)
-    away = bottom - end
-    return (end, away) if 0.0 < away <= CONTACT_SHADOW * height else (bottom, 0.0)
-
-
-def _end(rows: FloatArray, at: int, step: int, level: float) -> tuple[float, float]:
-    """Return where the width falls through `level` beyond row `at`, and its standard deviation.
-
-    Positions count the upper edge of row 0 as 0. How many rows the silhouette takes to fade is how
-    unsure its end is: a head ends within a row or two, feet in the grass do not.
-    """
-    beyond = at + step
-    outside = rows[beyond] if 0 <= beyond < len(rows) else 0.0
-    share = 1.0 - min(max((level - outside) / max(rows[at] - outside, 1e-9), 0.0), 1.0)
-    centre = at + 0.5 + step * share
-    full = np.flatnonzero(rows[:: -step if step > 0 else 1] >= 2 * level)
-    begin = (len(rows) - 1 - at) if step > 0 else at
-    fade = float(full[0] - begin) if len(full) and full[0] > begin else 0.0
-    return centre, float(np.hypot(END_STD_PX, fade / 3.0))
-
-
-def _score(difference: Image, mask: Image, box: npt.NDArray[np.intp]) -> float:
+def _score(differs: Image, mask: Image, box: tuple[int, int, int, int]) -> float:
     """Return how clearly an object stands out, 0..1: its mean contrast, 64 levels being certain."""
     x0, y0, x1, y1 = box
-    inside = cv2.mean(difference[y0:y1, x0:x1], mask=mask[y0:y1, x0:x1])[0]
+    inside = cv2.mean(differs[y0:y1, x0:x1], mask=mask[y0:y1, x0:x1])[0]
     return float(min(inside / 64.0, 1.0))

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.detect.people import PersonScale, join_parts, split_groups
+from pipeline.detect.groups import split_groups
+from pipeline.detect.people import PersonScale, join_parts
 
 SLOPE, OFFSET = 0.5, -20.0
 
@@ -49,14 +50,14 @@ def outline(mask: np.ndarray) -> np.ndarray:
 def test_the_scale_is_the_line_that_most_lie_on() -> None:
     scale = learned(outliers=40)
     rows = np.array([120.0, 200.0, 260.0])
-    np.testing.assert_allclose(scale.height_px(rows), OFFSET + SLOPE * rows, rtol=0.05)
+    np.testing.assert_allclose(scale.height_px(rows, 60.0), OFFSET + SLOPE * rows, rtol=0.05)
 
 
 def test_nothing_is_known_of_few_or_of_what_agrees_on_nothing() -> None:
     scale = PersonScale()
     scale.learn(np.tile([[10, 10, 30, 70]], (5, 1)))
     assert not scale.known
-    assert np.isnan(scale.height_px(50.0))
+    assert np.isnan(scale.height_px(50.0, 0.0))
     random = np.random.default_rng(1)
     tall = random.uniform(20, 200, 200)
     foot = random.uniform(200, 280, 200)
@@ -70,7 +71,7 @@ def test_two_side_by_side_become_two(feet: tuple[int, int]) -> None:
     mask = np.zeros((300, 300), np.uint8)
     boxes = [person(mask, 100, feet[0]), person(mask, 124, feet[1])]
     cv2.rectangle(mask, (100, 170), (124, 178), 255, -1)  # they hold hands
-    found = split_groups(outline(mask), mask, learned())
+    found = split_groups(outline(mask), mask, learned()).boxes
     assert len(found) == 2
     found = found[np.argsort(found[:, 0])]
     for piece, box in zip(found, boxes, strict=True):
@@ -83,7 +84,7 @@ def test_one_behind_the_other_is_cut_where_it_is_thin() -> None:
     far = person(mask, 100, 150)
     near = person(mask, 108, 272)
     cv2.line(mask, (104, far[3] - 1), (107, near[1] + 3), 255, 2)
-    found = split_groups(outline(mask), mask, learned())
+    found = split_groups(outline(mask), mask, learned()).boxes
     assert len(found) == 2
     found = found[np.argsort(found[:, 3])]
     assert abs(found[0][3] - far[3]) <= 4
@@ -95,7 +96,7 @@ def test_one_person_stays_one(foot: int, x: int) -> None:
     mask = np.zeros((300, 300), np.uint8)
     person(mask, x, foot)
     box = outline(mask)
-    np.testing.assert_array_equal(split_groups(box, mask, SCALE), box)
+    np.testing.assert_array_equal(split_groups(box, mask, SCALE).boxes, box)
 
 
 SCALE = learned()
@@ -104,7 +105,7 @@ SCALE = learned()
 def test_what_is_not_known_is_not_cut() -> None:
     mask = np.full((300, 300), 255, np.uint8)
     box = np.array([[10, 10, 290, 290]], dtype=np.intp)
-    np.testing.assert_array_equal(split_groups(box, mask, PersonScale()), box)
+    np.testing.assert_array_equal(split_groups(box, mask, PersonScale()).boxes, box)
 
 
 def test_legs_and_head_around_a_sign_are_one_person() -> None:

@@ -1,0 +1,161 @@
+"""Where a silhouette ends, to a fraction of a pixel.
+
+The mask says which rows a body reaches; the difference to the background says where within them. A
+sensor pixel that is half covered differs half as much, so an edge is where the difference falls through
+half of what it is inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+
+from pipeline.picture import Image
+
+Unshaded = Callable[[tuple[int, int, int, int]], Image]
+
+# The body's columns lie within this share of its height beside the middle of head and trunk: half of a
+# long step (Drillis and Contini 1966: a leg is 0.53 of the stature; strides open it by 60 degrees).
+REACH = 0.33
+TRUNK = 0.55  # of the height, from the top: head and trunk
+# A silhouette's end is where this share of its typical width is reached: hair and shoes count, a
+# speck above or below does not.
+END_WIDTH = 0.22
+# Rows from the end, as a share of the height, that show the contrast of what ends there: half of a head,
+# and a shoe.
+HEAD_ROWS, SHOE_ROWS = 0.06, 0.05
+MIN_INNER = 3
+# Of these rows, in order of their contrast, the one at this share is taken: not the first, half of which
+# are beyond the edge, and not a bright face below dark hair.
+PLATEAU = 0.6
+# The lowest part of a silhouette, in which the ground's soft shadow below the feet is looked for, and how
+# far that shadow reaches, as shares of the height.
+FEET, CONTACT_SHADOW = 0.2, 0.12
+SHADED = 0.7  # of the contrast of what ends, at most, is that of the shaded ground beside it
+UNSHADED = 9  # levels that are no shadow, as those of the background
+# How far an end lies from the true one, one sigma, as measured on simulated cameras (bench/boxes.py): in
+# pixels of the reduced picture, and at the feet, where shoes may have the colour of the ground or of its
+# shade, a share of the height.
+END_STD_PX, FOOT_STD = 0.5, 0.014
+BEYOND = 3  # rows outside, which show the difference where nothing is
+MIN_ROWS, MIN_COLUMNS = 4, 2
+# Where shoes cannot be told from their shadow, the silhouette reaches this far into its soft edge.
+HIDDEN_PX, HIDDEN_STD_PX = 1.5, 1.2
+_NEAR = np.ones((5, 3), np.uint8)  # what taking shadows out may have cost a foot
+
+
+def ends_of(
+    mask: Image, difference: Image, unshaded: Unshaded, box: tuple[int, int, int, int]
+) -> tuple[list[float], list[float]] | None:
+    """Return the four ends of a silhouette and their standard deviations, in pixels from the corner.
+
+    Args:
+        mask: 255 where a body is, shadows taken out, (h, w).
+        difference: to the background, (h, w).
+        unshaded: gives, of a part x0, y0, x1, y1, the difference to the background in any shade.
+        box: x0, y0, x1, y1 of the silhouette, ends excluded.
+    """
+    x0, y0, x1, y1 = box
+    part = mask[y0:y1, x0:x1]
+    first, last = _columns(part)
+    if last - first < MIN_COLUMNS:
+        return None
+    rows = cv2.reduce(part[:, first:last], 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0] / 255.0
+    covered = rows[rows > 0]
+    if len(covered) < MIN_ROWS:
+        return None
+    level = max(END_WIDTH * float(np.median(covered)), 1.0)
+    long = np.flatnonzero(rows >= level)
+    if len(long) < MIN_ROWS:
+        return None
+    low, high = int(long[0]), int(long[-1]) + 1
+    tall = high - low
+    around = slice(x0 + first, x0 + last)
+    top, top_std = _refined(mask, difference, around, y0 + low, -1, HEAD_ROWS * tall)
+    wide = cv2.reduce(part[low:high, first:last], 0, cv2.REDUCE_MAX)[0]
+    filled = np.flatnonzero(wide)
+    left, right = x0 + first + int(filled[0]), x0 + first + int(filled[-1]) + 1
+    bottom, bottom_std = _standing(mask, difference, unshaded, (left, y0 + low, right, y0 + high))
+    bottom_std = float(np.hypot(bottom_std, FOOT_STD * tall))
+    side_std = float(np.hypot(END_STD_PX, 0.03 * tall))
+    return [float(left), top, float(right), bottom], [side_std, top_std, side_std, bottom_std]
+
+
+def _standing(
+    mask: Image, difference: Image, unshaded: Unshaded, box: tuple[int, int, int, int]
+) -> tuple[float, float]:
+    """Return where feet end above the shadow in which they stand, and its standard deviation."""
+    x0, y0, x1, y1 = box
+    tall = y1 - y0
+    begin = y1 - max(round(FEET * tall), MIN_ROWS)
+    below = min(y1 + BEYOND, mask.shape[0])
+    differs = unshaded((x0, begin, x1, below))
+    clear = cv2.compare(differs, UNSHADED, cv2.CMP_GT)
+    near = cv2.dilate(mask[begin:below, x0:x1], _NEAR)
+    cv2.bitwise_and(clear, near, dst=clear)
+    rows = cv2.reduce(clear, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0].tolist()
+    last = next((i for i in range(len(rows) - 1, -1, -1) if rows[i] >= 255), -1)
+    shadow = y1 - 1 - begin - last
+    if last < 1 or shadow > max(CONTACT_SHADOW * tall, 2):
+        # shoes of the shadow's own colour: the mask goes on into its soft edge
+        bottom, _ = _refined(mask, difference, slice(x0, x1), y1 - 1, +1, SHOE_ROWS * tall)
+        return bottom - HIDDEN_PX, HIDDEN_STD_PX
+    # What is half shoe and half ground looks like shade: where within its pixel the shoe ends is seen in
+    # the plain difference, beside that of the shaded ground below.
+    differs = difference[begin:below]
+    bottom, std = _refined(clear, differs[:, x0:x1], slice(0, x1 - x0), last, +1, SHOE_ROWS * tall)
+    return begin + bottom, std
+
+
+def _columns(part: Image) -> tuple[int, int]:
+    """Return first and last + 1 of the columns in which a body can be, by its head and trunk."""
+    height, width = part.shape
+    trunk = part[: max(round(TRUNK * height), 1)]
+    filled = np.cumsum(cv2.reduce(trunk, 0, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[0])
+    if filled[-1] == 0:
+        return 0, 0
+    middle = int(np.searchsorted(filled, filled[-1] / 2))
+    reach = max(round(REACH * height), 1)
+    return max(middle - reach, 0), min(middle + reach + 1, width)
+
+
+def _refined(
+    mask: Image, difference: Image, columns: slice, row: int, step: int, depth: float
+) -> tuple[float, float]:
+    """Return where the difference falls to half of what it is inside, near the mask's last row.
+
+    Args:
+        mask: 255 where a body is.
+        difference: to the background.
+        columns: of the body.
+        row: the mask's last row.
+        step: -1 for an upper, +1 for a lower end.
+        depth: rows, from the end, that show what ends there.
+    """
+    height = mask.shape[0]
+    inner = max(round(depth), MIN_INNER)
+    near, far = row - step * inner, row + step * BEYOND
+    first, last = max(min(near, far), 0), min(max(near, far) + 1, height)
+    tip = mask[max(min(row, row - step), 0) : max(row, row - step) + 1, columns]
+    x, _, wide, _ = cv2.boundingRect(tip)
+    x += columns.start
+    # The end is the farthest that any column reaches: heads and shoes are round.
+    ahead = cv2.blur(difference[first:last, x : x + wide], (3, 1))
+    profile = cv2.reduce(ahead, 1, cv2.REDUCE_MAX)[:, 0].tolist()
+    at = row - first
+    inside = [
+        profile[i] for i in range(at, at - step * (inner + 1), -step) if 0 <= i < len(profile)
+    ]
+    full = sorted(inside)[int(PLATEAU * len(inside))]
+    outside = profile[-1] if step > 0 else profile[0]
+    half = (full + min(outside, SHADED * full)) / 2
+    # from the outside inwards: what is dim within does not end it
+    i = min(max(at + step, 0), len(profile) - 1)
+    while profile[i] <= half and 0 <= i - step < len(profile):
+        i -= step
+    beyond = profile[i + step] if 0 <= i + step < len(profile) else outside
+    share = (profile[i] - half) / max(profile[i] - beyond, 1e-6)
+    position = first + i + 0.5 + step * min(max(share, 0.0), 1.0)
+    return position, END_STD_PX

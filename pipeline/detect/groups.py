@@ -1,0 +1,222 @@
+"""Several people in one silhouette: explained one by one, from the nearest to the farthest.
+
+The lowest feet of a group are those of the nearest person, whom nobody hides. How tall a person is there
+is known, so it is known where the head must be. What that person accounts for is taken away, and
+the lowest feet of what is left are looked for. Whom nearer people hide from the waist down is left over
+at the top: a head and shoulders with no feet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.detect.people import TOO_TALL, BoxArray, PersonScale
+from pipeline.picture import Image
+
+# Shares of a person's height, by the proportions of the body (Drillis and Contini 1966: shoulders 0.26
+# of the stature wide, head 0.13 high, hips at 0.53).
+WIDE = 0.45  # somebody who stands is 0.3 wide, a stride up to 0.5: from here on it may be two
+# Heads are 0.13 wide, so that two that are seen are no nearer; between them the outline falls by most of
+# a head.
+HEADS_APART, VALLEY, LOWEST_HEAD = 0.14, 0.1, 0.6
+TRUNK = (0.45, 1.0)  # above the feet
+SIDE = 0.17  # of the axis, that a person accounts for
+REACH = 0.33  # of the axis, that legs and arms reach
+SPINE = 0.08  # of the axis, that is filled from head to hip
+FILLED = 0.5  # of that: it is a person
+SHOULDERS = 0.26
+# Where the top of a head is sought, below and above where it should be. If nothing is above it, it is
+# seen; what goes on for longer than somebody is too tall is somebody else.
+CROWN = (0.2, 0.35)
+REST = 0.3  # of the height, that must be left over to be somebody
+FOOT = 0.06  # of the height: the fewest pixels in a row that are a foot, and how much is one
+MOST = 12  # tries, at people in one silhouette
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """Boxes (n, 4), and which of their upper and lower ends (n, 2) are not seen."""
+
+    boxes: BoxArray
+    unseen: npt.NDArray[np.bool_]
+
+    @staticmethod
+    def whole(box: BoxArray) -> Pieces:
+        """Return a silhouette as one piece."""
+        return Pieces(box[None], np.zeros((1, 2), dtype=bool))
+
+
+def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale) -> Pieces:
+    """Cut silhouettes of several people into one box each, as far as they can be told apart.
+
+    Args:
+        boxes: (n, 4) in pixels of the mask.
+        mask: 255 where something stands before the background.
+        scale: how tall a person is; if that is not known nothing is cut.
+    """
+    whole = Pieces(boxes, np.zeros((len(boxes), 2), dtype=bool))
+    if not scale.known or not len(boxes):
+        return whole
+    expected = scale.height_px(boxes[:, 3], boxes[:, [0, 2]].mean(axis=1))
+    size = boxes[:, 2:] - boxes[:, :2]
+    large = (size[:, 0] > WIDE * expected) | (size[:, 1] > TOO_TALL * expected)
+    if not large.any():
+        return whole
+    found, unseen = [boxes[~large]], [whole.unseen[~large]]
+    for box in boxes[large]:
+        pieces = _explained(box, mask, scale) if _several(box, mask, scale) else Pieces.whole(box)
+        found.append(pieces.boxes)
+        unseen.append(pieces.unseen)
+    return Pieces(np.concatenate(found), np.concatenate(unseen))
+
+
+def _several(box: BoxArray, mask: Image, scale: PersonScale) -> bool:
+    """Return whether a silhouette is too tall for one person, or has more than one head."""
+    tall = float(scale.height_px(box[3], (box[0] + box[2]) / 2))
+    x0, y0, x1, y1 = (int(v) for v in box)
+    if y1 - y0 > TOO_TALL * tall:
+        return True
+    part = mask[y0:y1, x0:x1] > 0
+    outline = np.where(part.any(axis=0), (y1 - y0) - part.argmax(axis=0), 0).astype(np.float32)
+    outline = cv2.blur(outline[None], (max(round(0.06 * tall), 1), 1))[0]
+    reach = 2 * max(round(HEADS_APART * tall), 1) + 1
+    highest = cv2.dilate(outline[None], np.ones((1, reach), np.uint8))[0]
+    peaks = np.flatnonzero((outline >= highest) & (outline >= LOWEST_HEAD * tall)).tolist()
+    for a, b in pairwise(peaks):
+        if min(outline[a], outline[b]) - outline[a : b + 1].min() >= VALLEY * tall:
+            return True
+    return False
+
+
+def _explained(box: BoxArray, mask: Image, scale: PersonScale) -> Pieces:
+    """Return the people in one silhouette, or the silhouette as it is if none is found in it."""
+    x0, y0, x1, y1 = (int(v) for v in box)
+    full = mask[y0:y1, x0:x1]
+    rest = full.copy()
+    boxes: list[tuple[int, int, int, int]] = []
+    unseen: list[tuple[bool, bool]] = []
+    for _ in range(MOST):
+        foot = _lowest(rest, (x0, y0), scale)
+        if foot is None:
+            break
+        row, column, tall = foot
+        axis = _axis(rest, row, column, tall)
+        if axis is None:
+            # no body stands on it: a shadow, or the foot of somebody's stride
+            low, wide = max(row - round(0.1 * tall), 0), round(SIDE * tall)
+            rest[low:, max(column - wide, 0) : column + wide + 1] = 0
+            continue
+        top, hidden = _head(full, row, axis, tall)
+        left, right = max(axis - round(REACH * tall), 0), axis + round(REACH * tall) + 1
+        boxes.append((left, top, min(right, x1 - x0), row + 1))
+        unseen.append((hidden, False))
+        side = round(SIDE * tall)
+        rest[top : row + 1, max(axis - side, 0) : axis + side + 1] = 0
+    for piece in _left_over(rest, boxes, (x0, y0), scale):
+        boxes.append(piece)
+        unseen.append((False, True))
+    if not boxes:
+        return Pieces.whole(box)
+    corner = np.array([x0, y0, x0, y0], dtype=np.intp)
+    return Pieces(np.array(_apart(boxes), dtype=np.intp) + corner, np.array(unseen))
+
+
+def _lowest(
+    rest: Image, corner: tuple[int, int], scale: PersonScale
+) -> tuple[int, int, float] | None:
+    """Return row and column of the lowest foot of what is left, and how tall a person is there."""
+    width = cv2.reduce(rest, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0]
+    rows = np.flatnonzero(width)
+    if not len(rows):
+        return None
+    row = int(rows[-1])
+    column = int(np.flatnonzero(rest[row])[0])
+    tall = float(scale.height_px(corner[1] + row + 1, corner[0] + column))
+    if not tall > 0:
+        return None
+    thick = np.flatnonzero(width >= 255 * max(FOOT * tall, 1))
+    if not len(thick) or thick[-1] + 1 < REST * tall:
+        return None
+    row = int(thick[-1])
+    low = max(row - round(FOOT * tall), 0)
+    columns = np.flatnonzero(cv2.reduce(rest[low : row + 1], 0, cv2.REDUCE_MAX)[0])
+    # of several feet on a level, the one at the side: whoever is in the middle comes after
+    runs = np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1)
+    return row, int(np.mean(runs[0])), tall
+
+
+def _axis(rest: Image, row: int, column: int, tall: float) -> int | None:
+    """Return the column of head and trunk of the person whose foot is given; None if there is none."""
+    low, high = (max(row - round(share * tall), 0) for share in reversed(TRUNK))
+    first = max(column - round(REACH * tall), 0)
+    last = column + round(REACH * tall) + 1
+    trunk = rest[low:high, first:last]
+    if trunk.size == 0:
+        return None
+    filled = cv2.reduce(trunk, 0, cv2.REDUCE_AVG, dtype=cv2.CV_32F) / 255.0
+    spine = cv2.blur(filled, (2 * round(SPINE * tall) + 1, 1), borderType=cv2.BORDER_CONSTANT)[0]
+    if spine.max() < FILLED:
+        return None
+    # the middle of the body, not where it happens to be fullest; of two bodies the one above the foot
+    wide = (2 * round(SHOULDERS / 2 * tall) + 1, 1)
+    body = cv2.blur(filled, wide, borderType=cv2.BORDER_CONSTANT)[0]
+    away = np.abs(np.arange(len(body)) + first - column) / tall
+    return first + int(np.argmax(np.where(spine < FILLED, -1.0, body - away)))
+
+
+def _head(full: Image, row: int, axis: int, tall: float) -> tuple[int, bool]:
+    """Return the uppermost row of a person, and whether it is only where it must be."""
+    reach = max(round(SPINE * tall), 1)
+    strip = full[: row + 1, max(axis - reach, 0) : axis + reach + 1]
+    filled = cv2.reduce(strip, 1, cv2.REDUCE_AVG, dtype=cv2.CV_32F)[:, 0] > 255 * 0.2
+    crown = row + 1 - round(tall)
+    highest = max(crown - round(CROWN[1] * tall), 0)
+    lowest = min(max(crown + round(CROWN[0] * tall), 1), len(filled))
+    empty = np.flatnonzero(~filled[highest:lowest])
+    if len(empty):
+        return highest + int(empty[-1]) + 1, False
+    if highest == 0:
+        return 0, False
+    return max(crown, 0), True
+
+
+def _left_over(
+    rest: Image,
+    people: list[tuple[int, int, int, int]],
+    corner: tuple[int, int],
+    scale: PersonScale,
+) -> list[tuple[int, int, int, int]]:
+    """Return heads and shoulders of those whose feet nearer people hide."""
+    outlines, _ = cv2.findContours(rest, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    found = []
+    for outline in outlines:
+        x, y, width, height = cv2.boundingRect(outline)
+        head = corner[1] + y
+        tall = scale.foot_row(head, corner[0] + x + width / 2) - head
+        if not (tall > 0 and height >= REST * tall and width >= SPINE * 2 * tall):
+            continue
+        # somebody must be before the feet, or the feet would be seen
+        below = [p for p in people if p[0] < x + width and p[2] > x and p[3] > y + height]
+        if below:
+            found.append((x, y, x + width, y + height))
+    return found
+
+
+def _apart(boxes: list[tuple[int, int, int, int]]) -> list[tuple[int, int, int, int]]:
+    """Return boxes of which no two beside each other share columns: the line is midway."""
+    sides = [[b[0], b[2]] for b in boxes]
+    for i, one in enumerate(boxes):
+        for j, other in enumerate(boxes[:i]):
+            level = min(one[3], other[3]) - max(one[1], other[1])
+            shorter = min(one[3] - one[1], other[3] - other[1])
+            a, b = (i, j) if one[0] + one[2] <= other[0] + other[2] else (j, i)
+            middle = (sum(boxes[a][::2]) + sum(boxes[b][::2])) // 4
+            if level > 0.5 * shorter and boxes[a][2] > boxes[b][0]:
+                sides[a][1] = max(min(sides[a][1], middle), sides[a][0] + 2)
+                sides[b][0] = min(max(sides[b][0], middle), sides[b][1] - 2)
+    return [(s[0], b[1], s[1], b[3]) for s, b in zip(sides, boxes, strict=True)]
