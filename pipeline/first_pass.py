@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from pipeline.errors import UndecodableImage
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.lens import Lens, intrinsics_of, lens_of
 from pipeline.ingest.mcap_records import McapFile
+from pipeline.ingest.plausible import inside_picture
 from pipeline.measure import Seen, observe
 from pipeline.optics.exposure import exposure_value_100, scene_luminance_cd_m2
 from pipeline.picture import Picture, decode
@@ -149,7 +150,7 @@ class FirstPass:
         cv2.setNumThreads(1)
         with PartWriter(self.parts_folder) as parts, ThreadPoolExecutor(self.threads) as pool:
             for item in self._decoded(pool):
-                self.batch.append(self.stages[item.frame.camera].follow(item, self.times))
+                self.batch.append(self._follow(item))
                 if len(self.batch) >= BATCH_FRAMES:
                     self._write_batch(parts, pool)
             self._write_batch(parts, pool)
@@ -168,6 +169,19 @@ class FirstPass:
             frames_lost=self.undecodable + self.assembler.frames_lost,
             damaged=self.notes.lost_data,
         )
+
+    def _follow(self, item: Decoded) -> Seen:
+        """Detect and track in a frame, without recorded boxes that lie outside of its picture."""
+        frame, picture = item
+        if picture is not None and frame.detections is not None and len(frame.detections):
+            size_px = picture.width_px, picture.height_px
+            inside, outside = inside_picture(frame.detections, *size_px)
+            for edges in outside:
+                text = f"box {edges} lies outside of the picture of {size_px[0]} x {size_px[1]}"
+                self._note(frame, "invalid_value", text)
+            if outside:
+                item = Decoded(replace(frame, detections=inside), picture)
+        return self.stages[frame.camera].follow(item, self.times)
 
     def _frames(self, pool: Executor) -> Iterator[Frame]:
         """Yield frames whose camera's detector is ready for them."""
@@ -199,10 +213,14 @@ class FirstPass:
 
     def _decode(self, frame: Frame, *, whole: bool = False) -> Timed:
         full = whole or self.stages[frame.camera].detector.full_resolution
-        max_pixels = self.config.limits.image_pixels
+        limits = self.config.limits
         with Stopwatch() as watch:
             picture = decode(
-                frame.image, max_pixels=max_pixels, full_resolution=full, layout=frame.layout
+                frame.image,
+                max_pixels=limits.image_pixels,
+                max_scans=limits.image_scans,
+                full_resolution=full,
+                layout=frame.layout,
             )
         return Timed(picture, watch.spent)
 

@@ -6,7 +6,6 @@ little more than reading the entropy code. Motion is found on such a reduced pic
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from functools import cache
 
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from pipeline.errors import UndecodableImage
 from pipeline.optics.exposure import LUMINANCE_WEIGHTS, srgb_to_linear
+from pipeline.picture_header import hidden_cost, image_size
 from pipeline.raw_image import decode_raw
 from pipeline.records import RawLayout
 
@@ -51,13 +51,15 @@ def decode(
     image: bytes,
     *,
     max_pixels: int,
+    max_scans: int = 100,
     full_resolution: bool = False,
     layout: RawLayout | None = None,
 ) -> Picture:
     """Decode a JPEG, PNG or WebP picture, or bare pixels where their layout is given.
 
     Raises:
-        UndecodableImage: the bytes are no picture, or one larger than `max_pixels`.
+        UndecodableImage: the bytes are no picture, or one larger than `max_pixels`, or one whose
+            decoding would cost far more than its size says.
     """
     if not image:
         raise UndecodableImage("there are no bytes of it")
@@ -69,6 +71,9 @@ def decode(
         raise UndecodableImage(f"{width_px} x {height_px} pixels, the limit is {max_pixels:,}")
     reduction = 1 if full_resolution else _reduction(width_px, height_px)
     if layout is None:
+        costly = hidden_cost(image, max_scans)
+        if costly is not None:
+            raise UndecodableImage(costly)
         bgr = _decompress(image, reduction)
     else:
         bgr = decode_raw(image, layout, reduction)
@@ -85,51 +90,6 @@ def _decompress(image: bytes, reduction: int) -> Image:
     if bgr is None:
         raise UndecodableImage("the picture's data are damaged")
     return np.asarray(bgr, dtype=np.uint8)
-
-
-def image_size(image: bytes) -> tuple[int, int] | None:
-    """Return width and height as the header states them, without decoding; None for no picture."""
-    if image[:8] == b"\x89PNG\r\n\x1a\n" and len(image) >= 24:
-        return struct.unpack(">II", image[16:24])
-    if image[:2] == b"\xff\xd8":
-        return _jpeg_size(image)
-    if image[:4] == b"RIFF" and image[8:12] == b"WEBP":
-        return _webp_size(image)
-    return None
-
-
-def _jpeg_size(image: bytes) -> tuple[int, int] | None:
-    """Walk the segments to the start-of-frame (ITU-T T.81, B.2)."""
-    at = 2
-    while at + 9 <= len(image):
-        if image[at] != 0xFF:
-            return None
-        marker = image[at + 1]
-        if marker == 0xFF:  # fill byte
-            at += 1
-        elif 0xD0 <= marker <= 0xD8 or marker == 0x01:  # no length
-            at += 2
-        elif 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            height_px, width_px = struct.unpack(">HH", image[at + 5 : at + 9])
-            return width_px, height_px
-        else:
-            at += 2 + int.from_bytes(image[at + 2 : at + 4], "big")
-    return None
-
-
-def _webp_size(image: bytes) -> tuple[int, int] | None:
-    """Read the first chunk's header (RFC 9649)."""
-    kind = image[12:16]
-    if kind == b"VP8X" and len(image) >= 30:
-        width = int.from_bytes(image[24:27], "little") + 1
-        return width, int.from_bytes(image[27:30], "little") + 1
-    if kind == b"VP8 " and len(image) >= 30:
-        width, height = struct.unpack("<HH", image[26:30])
-        return width & 0x3FFF, height & 0x3FFF
-    if kind == b"VP8L" and len(image) >= 25:
-        bits = int.from_bytes(image[21:25], "little")
-        return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
-    return None
 
 
 def _reduction(width_px: int, height_px: int) -> int:

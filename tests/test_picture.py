@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import UndecodableImage
-from pipeline.picture import decode, image_size
+from pipeline.picture import decode
+from pipeline.picture_header import image_size
 
 
 def encoded(kind: str, width: int = 321, height: int = 243, value: int = 120) -> bytes:

@@ -24,9 +24,10 @@ from pipeline.ingest.decode.tree import UndecodableMessage, time_of
 from pipeline.ingest.exposure import check_exposure
 from pipeline.ingest.lanes import Lane, Paired
 from pipeline.ingest.mcap_records import MAX_TIME_NS, McapFile, RawMessage
+from pipeline.ingest.plausible import refuse_implausible
 from pipeline.ingest.pose import CameraPose, TransformTree, UnusablePose
 from pipeline.ingest.video_stream import READ_CODECS, Out, Times, VideoStream
-from pipeline.picture import image_size
+from pipeline.picture_header import image_size
 from pipeline.raw_image import has_wide_samples, samples
 from pipeline.records import (
     EXPOSURE_FIELDS,
@@ -146,6 +147,7 @@ class FrameAssembler:
             self._refuse(kind, "damaged_message", f"no {kind} message: {error}", raw)
 
     def _take_message(self, kind: Kind, message: Decoded, raw: RawMessage) -> None:
+        message = refuse_implausible(message)
         for sentence in message.refused:
             self._note(Severity.WARNING, message.code, sentence, raw)
         if len(message.frame_id) > self._limits.name_bytes:
@@ -171,6 +173,8 @@ class FrameAssembler:
         assert source.reader is not None  # noqa: S101  (narrowing)
         tree = source.reader(raw.data)
         time_ns = time_of(tree)
+        if time_ns is not None and not 0 < time_ns <= MAX_TIME_NS:
+            time_ns = None
         for named, topic in source.named:
             value = named.value(tree, topic)
             if math.isnan(value):

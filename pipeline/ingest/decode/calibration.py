@@ -7,7 +7,6 @@ import math
 from pipeline.ingest.decode.content import Decoded
 from pipeline.ingest.decode.tree import (
     Tree,
-    UndecodableMessage,
     child,
     frame_id_of,
     numbers,
@@ -22,21 +21,19 @@ MAX_SIDE_PX = 1_000_000
 
 
 def camera_calibration(tree: Tree) -> Decoded:
-    """Return the intrinsics. ROS 2 writes K and D in lower case.
-
-    Raises:
-        UndecodableMessage: K is no camera matrix.
-    """
+    """Return the intrinsics; none where K is no camera matrix. ROS 2 writes K in lower case."""
     k, refused = numbers(tree, "K", "k"), list[str]()
     time_ns, frame_id = time_of(tree), frame_id_of(tree)
     if not any(k):  # how ROS says that a camera was not calibrated
         sentence = "the calibration is empty: the camera was not calibrated"
         return Decoded(time_ns, frame_id, None, [sentence], "no_calibration")
     if len(k) != 9 or not all(map(math.isfinite, k)) or k[0] <= 0 or k[4] <= 0:
-        raise UndecodableMessage("K must be nine finite numbers with positive focal lengths")
+        sentence = "K is not nine finite numbers with positive focal lengths; it is not used"
+        return Decoded(time_ns, frame_id, None, [sentence], "doubtful_lens")
     width_px, height_px = whole(tree, "width"), whole(tree, "height")
     if not (0 <= width_px <= MAX_SIDE_PX and 0 <= height_px <= MAX_SIDE_PX):
-        raise UndecodableMessage(f"it is for pictures of {width_px} x {height_px} pixels")
+        sentence = f"it is for pictures of {width_px} x {height_px} pixels; it is not used"
+        return Decoded(time_ns, frame_id, None, [sentence], "doubtful_lens")
     model, distortion = _distortion(tree, refused)
     whole_sensor = Intrinsics(width_px, height_px, k[0], k[4], k[2], k[5], model, distortion)
     return Decoded(time_ns, frame_id, _of_region(whole_sensor, tree), refused, "doubtful_lens")
