@@ -14,7 +14,7 @@ from dashboards.columns import CameraRows
 from dashboards.names import path
 from dashboards.stream import clocks
 from pipeline.errors import UndecodableImage
-from pipeline.picture import image_size
+from pipeline.picture_header import image_size
 
 # Pictures are sent in batches: large enough for columns to pay, small enough for a flat memory.
 BATCH_BYTES = 8 * 1024**2

@@ -20,7 +20,7 @@ from dashboards.viewer import no_driver, started
 from pipeline.cli import main
 from pipeline.config import Config, TimelineConfig
 from pipeline.errors import UsageError
-from pipeline.picture import image_size
+from pipeline.picture_header import image_size
 from pipeline.run import run
 from pipeline.store.database import Store
 from tests.dashboards.test_timeline import column, entities
