@@ -24,7 +24,7 @@ def camera_calibration(tree: Tree) -> Decoded:
     """Return the intrinsics; none where K is no camera matrix. ROS 2 writes K in lower case."""
     k, refused = numbers(tree, "K", "k"), list[str]()
     time_ns, frame_id = time_of(tree), frame_id_of(tree)
-    if not any(k):  # how ROS says that a camera was not calibrated
+    if not k or k[0] == 0:  # how ROS and Foxglove say that a camera was not calibrated
         sentence = "the calibration is empty: the camera was not calibrated"
         return Decoded(time_ns, frame_id, None, [sentence], "no_calibration")
     if len(k) != 9 or not all(map(math.isfinite, k)) or k[0] <= 0 or k[4] <= 0:

@@ -68,6 +68,9 @@ _TYPES = {
 _ASCII = 2
 # EXIF FocalPlaneResolutionUnit: pixels per inch, per centimetre; two more that cameras write.
 _UNIT_UM = {2: 25_400.0, 3: 10_000.0, 4: 1000.0, 5: 1.0}
+# The smallest sensor of a camera that writes it is of type 1/4, 3.2 mm wide. Less is what an editor
+# leaves that shrank the picture and kept the resolution.
+_SMALLEST_SENSOR_UM = 3000.0
 _DIAGONAL_35MM_MM = math.hypot(36.0, 24.0)  # CIPA DCG-001: the same angle across the diagonal
 
 
@@ -141,7 +144,9 @@ def _pitch(tags: Tags, width_px: int, height_px: int) -> dict[str, float]:
         sensor_x_px, sensor_y_px = sensor_y_px, sensor_x_px
     x_res, y_res = (_positive(tags, f"focal_plane_{a}_resolution") for a in "xy")
     unit_um = _UNIT_UM.get(int(_of(tags, "focal_plane_resolution_unit", 2.0)), NAN)
-    if math.isfinite(unit_um / x_res + unit_um / y_res):
+    sides_px = (sensor_x_px, sensor_y_px) if known_size else (width_px, height_px)
+    wide_um = unit_um / x_res * max(sides_px)
+    if math.isfinite(unit_um / y_res) and wide_um > _SMALLEST_SENSOR_UM:
         return {
             "pixel_pitch_x_um": unit_um / x_res,
             "pixel_pitch_y_um": unit_um / y_res,
