@@ -35,6 +35,10 @@ from pipeline.records import NAN, Calibration, Dimension
 # period at 25 frames/s is the longest time over which an exposure still belongs to one frame only.
 EXPOSURE_TOLERANCE_S = 0.020
 
+# Motion is found on pictures reduced to a half, a quarter or an eighth while their shorter side stays at
+# least this long: a person of a tenth of the picture's height is then two dozen pixels tall.
+MIN_SIDE_PX = 256
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:
@@ -76,6 +80,7 @@ class DetectConfig:
     # How much of the recording is seen before the first answer: someone walking at 1 m/s leaves
     # every spot within it, so the median of its pictures shows the background.
     learning_s: float = 15.0
+    min_side_px: int = MIN_SIDE_PX
     # The smallest object, as a share of the picture's height: below it, one pixel of error at the
     # foot or head is more than a tenth of the object in most recordings.
     min_height: float = 0.04

@@ -220,6 +220,7 @@ class FirstPass:
                 max_pixels=limits.image_pixels,
                 max_scans=limits.image_scans,
                 full_resolution=full,
+                min_side_px=self.config.detect.min_side_px,
                 layout=frame.layout,
             )
         return Timed(picture, watch.spent)

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from pipeline.config import MIN_SIDE_PX
 from pipeline.errors import UndecodableImage
 from pipeline.optics.exposure import LUMINANCE_WEIGHTS, srgb_to_linear
 from pipeline.picture_header import hidden_cost, image_size
@@ -21,9 +22,6 @@ from pipeline.records import RawLayout
 
 Image = npt.NDArray[np.uint8]
 
-# The shorter side that is kept at least: a person of a tenth of the picture's height is then still
-# two dozen pixels tall.
-REDUCED_SIDE_PX = 256
 _FLAGS = {
     1: cv2.IMREAD_COLOR,
     2: cv2.IMREAD_REDUCED_COLOR_2,
@@ -53,9 +51,18 @@ def decode(
     max_pixels: int,
     max_scans: int = 100,
     full_resolution: bool = False,
+    min_side_px: int = MIN_SIDE_PX,
     layout: RawLayout | None = None,
 ) -> Picture:
     """Decode a JPEG, PNG or WebP picture, or bare pixels where their layout is given.
+
+    Args:
+        image: the bytes.
+        max_pixels: a picture of more is refused.
+        max_scans: and a JPEG of more of these.
+        full_resolution: every pixel is wanted.
+        min_side_px: otherwise the picture is reduced as long as its shorter side stays that long.
+        layout: of bare pixels.
 
     Raises:
         UndecodableImage: the bytes are no picture, or one larger than `max_pixels`, or one whose
@@ -69,7 +76,7 @@ def decode(
     width_px, height_px = stated
     if width_px * height_px > max_pixels or min(stated) < 1:
         raise UndecodableImage(f"{width_px} x {height_px} pixels, the limit is {max_pixels:,}")
-    reduction = 1 if full_resolution else _reduction(width_px, height_px)
+    reduction = 1 if full_resolution else _reduction(min(stated), min_side_px)
     if layout is None:
         costly = hidden_cost(image, max_scans)
         if costly is not None:
@@ -92,9 +99,8 @@ def _decompress(image: bytes, reduction: int) -> Image:
     return np.asarray(bgr, dtype=np.uint8)
 
 
-def _reduction(width_px: int, height_px: int) -> int:
-    side = min(width_px, height_px)
-    return next((r for r in (8, 4, 2) if side // r >= REDUCED_SIDE_PX), 1)
+def _reduction(side_px: int, min_side_px: int) -> int:
+    return next((r for r in (8, 4, 2) if side_px // r >= min_side_px), 1)
 
 
 @cache
@@ -112,8 +118,8 @@ def relative_luminance_of(bgr: Image) -> npt.NDArray[np.float64]:
 
 def _brightness(bgr: npt.NDArray[np.uint8] | cv2.typing.MatLike) -> tuple[float, float]:
     step = max(1, max(bgr.shape[:2]) // _SAMPLES_ACROSS)
-    sample = np.asarray(bgr[step // 2 :: step, step // 2 :: step], dtype=np.uint8)
-    blue, green, red = sample[..., 0], sample[..., 1], sample[..., 2]
-    dark = (blue <= _BLACK) & (green <= _BLACK) & (red <= _BLACK)
-    bright = (blue >= _WHITE) & (green >= _WHITE) & (red >= _WHITE)
-    return float(relative_luminance_of(sample).mean()), float((dark | bright).mean())
+    sample = np.ascontiguousarray(bgr[step // 2 :: step, step // 2 :: step], dtype=np.uint8)
+    luminance = sum(cv2.mean(cv2.LUT(sample, luminance_tables()[None]))[:3])
+    dark = cv2.countNonZero(cv2.inRange(sample, (0, 0, 0), (_BLACK,) * 3))
+    bright = cv2.countNonZero(cv2.inRange(sample, (_WHITE,) * 3, (255, 255, 255)))
+    return float(luminance), (dark + bright) / (sample.shape[0] * sample.shape[1])

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import UndecodableImage
-from pipeline.picture import decode
+from pipeline.picture import decode, relative_luminance_of
 from pipeline.picture_header import image_size
 
 
@@ -40,6 +40,11 @@ def test_large_pictures_are_reduced_and_say_so() -> None:
     assert picture.reduction == 2
     assert picture.bgr.shape == (360, 640, 3)
     assert decode(encoded("jpg", 1280, 720), max_pixels=10**7, full_resolution=True).reduction == 1
+    sizes = {}
+    for side_px in (720, 360, 180, 90):
+        sizes[side_px] = decode(encoded("jpg", 1280, 720), max_pixels=10**7, min_side_px=side_px)
+        assert min(sizes[side_px].bgr.shape[:2]) == side_px
+    assert sizes[90].luminance == pytest.approx(sizes[720].luminance)
 
 
 def test_white_and_black_are_clipped() -> None:
@@ -57,6 +62,19 @@ def test_a_huge_picture_in_few_bytes_is_refused_before_it_is_decoded() -> None:
     bomb = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"\0" * 99))
     with pytest.raises(UndecodableImage, match="60000 x 60000"):
         decode(bomb, max_pixels=10**8)
+
+
+def test_brightness_is_the_mean_of_the_light_in_each_pixel() -> None:
+    """Against the formula, pixel by pixel, of a picture small enough that every pixel is looked at."""
+    pixels = np.random.default_rng(5).integers(0, 256, (40, 60, 3), dtype=np.uint8)
+    pixels[:10] = 0
+    pixels[10:15] = 255
+    pixels[15:20] = (0, 0, 255)  # red alone is not clipped
+    picture = decode(cv2.imencode(".png", pixels)[1].tobytes(), max_pixels=10**6)
+    assert picture.luminance == pytest.approx(relative_luminance_of(pixels).mean())
+    grey = pixels.astype(int)
+    clipped = (grey <= 2).all(axis=2) | (grey >= 253).all(axis=2)
+    assert picture.clipped_fraction == clipped.mean()
 
 
 @pytest.mark.parametrize(
