@@ -26,7 +26,7 @@ SPREADS = 4.5
 MAD_TO_STD = 1.4826
 FOLLOW_S = 10.0  # time constant where the background shows
 ABSORB_S = 90.0  # time constant where something stands before it
-UPDATE_S = 0.4  # the background changes slowly; following it more often buys nothing
+UPDATE_S = 0.8  # the background changes slowly; following it more often buys nothing
 
 
 class Background:
@@ -86,7 +86,7 @@ def difference(picture: Image, reference: Image) -> Image:
 def largest(image: Image | cv2.typing.MatLike) -> Image:
     """Return the largest of the three channels, (h, w)."""
     blue, green, red = cv2.split(image)
-    return cv2.max(cv2.max(blue, green), red)
+    return np.asarray(cv2.max(cv2.max(blue, green), red), np.uint8)
 
 
 def _remedian(images: list[Image]) -> Image:

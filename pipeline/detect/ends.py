@@ -8,6 +8,7 @@ half of what it is inside.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import hypot
 
 import cv2
 import numpy as np
@@ -62,11 +63,11 @@ def ends_of(
     first, last = _columns(part)
     if last - first < MIN_COLUMNS:
         return None
-    rows = cv2.reduce(part[:, first:last], 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0] / 255.0
-    covered = rows[rows > 0]
+    rows = cv2.reduce(part[:, first:last], 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0]
+    covered = np.sort(rows[rows > 0])
     if len(covered) < MIN_ROWS:
         return None
-    level = max(END_WIDTH * float(np.median(covered)), 1.0)
+    level = max(END_WIDTH * float(covered[len(covered) // 2]), 255.0)
     long = np.flatnonzero(rows >= level)
     if len(long) < MIN_ROWS:
         return None
@@ -74,12 +75,11 @@ def ends_of(
     tall = high - low
     around = slice(x0 + first, x0 + last)
     top, top_std = _refined(mask, difference, around, y0 + low, -1, HEAD_ROWS * tall)
-    wide = cv2.reduce(part[low:high, first:last], 0, cv2.REDUCE_MAX)[0]
-    filled = np.flatnonzero(wide)
-    left, right = x0 + first + int(filled[0]), x0 + first + int(filled[-1]) + 1
+    x, _, wide, _ = cv2.boundingRect(part[low:high, first:last])
+    left, right = x0 + first + x, x0 + first + x + wide
     bottom, bottom_std = _standing(mask, difference, unshaded, (left, y0 + low, right, y0 + high))
-    bottom_std = float(np.hypot(bottom_std, FOOT_STD * tall))
-    side_std = float(np.hypot(END_STD_PX, 0.03 * tall))
+    bottom_std = hypot(bottom_std, FOOT_STD * tall)
+    side_std = hypot(END_STD_PX, 0.03 * tall)
     return [float(left), top, float(right), bottom], [side_std, top_std, side_std, bottom_std]
 
 

@@ -20,7 +20,7 @@ from pipeline.picture import Image
 
 # Shares of a person's height, by the proportions of the body (Drillis and Contini 1966: shoulders 0.26
 # of the stature wide, head 0.13 high, hips at 0.53).
-WIDE = 0.45  # somebody who stands is 0.3 wide, a stride up to 0.5: from here on it may be two
+WIDE = 0.5  # somebody who stands is 0.3 wide, a stride up to as much: from here on it may be two
 # Heads are 0.13 wide, so that two that are seen are no nearer; between them the outline falls by most of
 # a head.
 HEADS_APART, VALLEY, LOWEST_HEAD = 0.14, 0.1, 0.6
@@ -35,6 +35,7 @@ SHOULDERS = 0.26
 CROWN = (0.2, 0.35)
 REST = 0.3  # of the height, that must be left over to be somebody
 FOOT = 0.06  # of the height: the fewest pixels in a row that are a foot, and how much is one
+STRIDE = 0.25  # of the height: what a leg reaches up from a foot that is beside the body
 MOST = 12  # tries, at people in one silhouette
 
 
@@ -77,7 +78,7 @@ def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale) -> Pieces:
 
 def _several(box: BoxArray, mask: Image, scale: PersonScale) -> bool:
     """Return whether a silhouette is too tall for one person, or has more than one head."""
-    tall = float(scale.height_px(box[3], (box[0] + box[2]) / 2))
+    tall = scale.tall_at(box[3], (box[0] + box[2]) / 2)
     x0, y0, x1, y1 = (int(v) for v in box)
     if y1 - y0 > TOO_TALL * tall:
         return True
@@ -108,7 +109,7 @@ def _explained(box: BoxArray, mask: Image, scale: PersonScale) -> Pieces:
         axis = _axis(rest, row, column, tall)
         if axis is None:
             # no body stands on it: a shadow, or the foot of somebody's stride
-            low, wide = max(row - round(0.1 * tall), 0), round(SIDE * tall)
+            low, wide = max(row - round(STRIDE * tall), 0), round(SIDE * tall)
             rest[low:, max(column - wide, 0) : column + wide + 1] = 0
             continue
         top, hidden = _head(full, row, axis, tall)
@@ -135,8 +136,8 @@ def _lowest(
     if not len(rows):
         return None
     row = int(rows[-1])
-    column = int(np.flatnonzero(rest[row])[0])
-    tall = float(scale.height_px(corner[1] + row + 1, corner[0] + column))
+    column = int(rest[row].argmax())
+    tall = scale.tall_at(corner[1] + row + 1, corner[0] + column)
     if not tall > 0:
         return None
     thick = np.flatnonzero(width >= 255 * max(FOOT * tall, 1))
@@ -146,8 +147,9 @@ def _lowest(
     low = max(row - round(FOOT * tall), 0)
     columns = np.flatnonzero(cv2.reduce(rest[low : row + 1], 0, cv2.REDUCE_MAX)[0])
     # of several feet on a level, the one at the side: whoever is in the middle comes after
-    runs = np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1)
-    return row, int(np.mean(runs[0])), tall
+    gaps = np.flatnonzero(np.diff(columns) > 1)
+    last = columns[gaps[0]] if len(gaps) else columns[-1]
+    return row, int(columns[0] + last) // 2, tall
 
 
 def _axis(rest: Image, row: int, column: int, tall: float) -> int | None:

@@ -8,6 +8,7 @@ Lengths are shares of the picture or of the object, never pixels: a recording ma
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import hypot
 from typing import NamedTuple
 
 import cv2
@@ -161,7 +162,7 @@ class MotionDetector:
             edges.append(ends[0])
             tall = ends[0][3] - ends[0][1]
             loose = [0.0, unseen[0] * UNSEEN_STD * tall, 0.0, unseen[1] * UNSEEN_STD * tall]
-            spreads.append(np.hypot(ends[1], loose))
+            spreads.append([hypot(*pair) for pair in zip(ends[1], loose, strict=True)])
             scores.append(_score(differs, mask, box))
         if not edges:
             return Boxes.empty()

@@ -50,6 +50,7 @@ class PersonScale:
         self._places: set[tuple[int, ...]] = set()
         self._refit_at = MIN_SAMPLES
         self._plane: FloatArray | None = None
+        self._terms: list[float] = []
 
     @property
     def known(self) -> bool:
@@ -64,6 +65,14 @@ class PersonScale:
         level, down, across = self._plane
         tall = level + down * rows + across * np.asarray(column, dtype=np.float64)
         return np.where(tall > SMALLEST_PX, tall, np.nan)
+
+    def tall_at(self, foot_row: float, column: float) -> float:
+        """Return the expected height at one pair of feet, as `height_px` does, at less cost."""
+        if self._plane is None:
+            return float("nan")
+        level, down, across = self._terms
+        tall = level + down * foot_row + across * column
+        return tall if tall > SMALLEST_PX else float("nan")
 
     def foot_row(self, head_row: float, column: float) -> float:
         """Return the row of the feet below a head; NaN where it is not known."""
@@ -118,6 +127,7 @@ class PersonScale:
             best = np.abs(design @ plane - tall) < AGREE * tall
         if 0 <= plane[1] < STEEPEST:
             self._plane = np.array([plane[0] - plane[2] * centre, plane[1], plane[2]])
+            self._terms = self._plane.tolist()
 
 
 def join_parts(
@@ -130,7 +140,7 @@ def join_parts(
         weight: pixels in each, (n,).
         scale: how tall a person is.
     """
-    while len(boxes) > 1:
+    while len(boxes) > 1 and _above_each_other(boxes):
         cost, joined = _joining(boxes, scale)
         i, j = np.unravel_index(np.argmin(cost), cost.shape)
         if not np.isfinite(cost[i, j]):
@@ -140,6 +150,19 @@ def join_parts(
         boxes = np.vstack([boxes[keep], joined[:, i, j].astype(np.intp)])
         weight = np.append(weight[keep], weight[i] + weight[j])
     return boxes, weight
+
+
+def _above_each_other(boxes: BoxArray) -> bool:
+    """Return whether any two share enough columns; mostly none do, and that is quickly seen."""
+    sides = sorted(zip(boxes[:, 0].tolist(), boxes[:, 2].tolist(), strict=True))
+    for i, (left, right) in enumerate(sides):
+        for other_left, other_right in sides[i + 1 :]:
+            if other_left >= right:
+                break
+            narrower = min(right - left, other_right - other_left)
+            if min(right, other_right) - other_left >= OVERLAP * narrower:
+                return True
+    return False
 
 
 def _joining(boxes: BoxArray, scale: PersonScale) -> tuple[FloatArray, FloatArray]:

@@ -16,7 +16,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import uniform_filter
 
+from pipeline.detect.background import largest
 from pipeline.picture import Image
+
+FloatImage = npt.NDArray[np.float32]
 
 # Factors are kept as bytes, 1.0 being this.
 UNIT = 128
@@ -37,6 +40,7 @@ SPREADS = 2.2  # standard deviations; 1.18 of them are half of a peak's width at
 TOLERANCE = (0.05, 0.10)
 # Near feet less of the sky is seen: such shadows are neutral, and the two add up.
 NEUTRAL = (0.75, 0.75, 0.75)
+SHARE_UNIT = 64  # shares are kept as bytes, 1.0 being this
 DEEPEST = 1.7  # times what a shadow takes away
 # In the soft edge of a shadow the factors lie between the peak and 1; where feet touch the ground less
 # sky is seen too.
@@ -54,6 +58,7 @@ class ShadowLight:
         self._height = np.zeros(BINS**3)  # sum of the relative heights of the counted pixels
         self._lessons = 0
         self.factors: npt.NDArray[np.float64] | None = None
+        self._shading = _shading(NEUTRAL)
         self._bounds: tuple[tuple[float, ...], ...] = ()
 
     def learn(self, ratio: Image, mask: Image, boxes: Sequence[tuple[int, int, int, int]]) -> None:
@@ -81,7 +86,7 @@ class ShadowLight:
     def fit(self) -> None:
         """Look for the peak."""
         total = self._count.sum()
-        self.factors = None
+        self.factors, self._shading = None, _shading(NEUTRAL)
         if total < MIN_PIXELS:
             return
         cube = self._count.reshape(BINS, BINS, BINS)
@@ -102,7 +107,7 @@ class ShadowLight:
         factors = (middle + 0.5) * _SHIFT / UNIT
         if factors.mean() > BRIGHTEST:
             return
-        self.factors = factors
+        self.factors, self._shading = factors, _shading(factors)
         tolerance = self._tolerance(cube, at)
         level = self.factors * UNIT
         self._bounds = (
@@ -152,10 +157,17 @@ class ShadowLight:
         The shade is a share t of what the shadow takes away: factors 1 - t (1 - f) on each channel, t
         being the least-squares one of each pixel.
         """
-        factors = NEUTRAL if self.factors is None else self.factors
-        taken = 1.0 - np.asarray(factors, np.float32)
-        then = background.astype(np.float32) + 1.0
-        loss = 1.0 - (picture.astype(np.float32) + 1.0) / then
-        share = np.clip(loss @ (taken / (taken @ taken)), 0.0, DEEPEST)
-        off = np.abs(loss - share[..., None] * taken) * then
-        return np.asarray(np.minimum(off.max(axis=2), 255.0), np.uint8)
+        to_share, to_ratio = self._shading
+        ratio = cv2.divide(picture, background, scale=UNIT)
+        share = cv2.min(cv2.transform(ratio, to_share), DEEPEST * SHARE_UNIT)
+        off = cv2.absdiff(ratio, cv2.transform(share, to_ratio))
+        return largest(cv2.multiply(off, background, scale=1 / UNIT))
+
+
+def _shading(factors: Sequence[float]) -> tuple[FloatImage, FloatImage]:
+    """Return the matrices from factors to the share of the shadow, in bytes, and back."""
+    taken = 1.0 - np.asarray(factors, np.float32)
+    onto = taken / (taken @ taken) * SHARE_UNIT
+    to_share = np.append(-onto / UNIT, onto.sum())[None]
+    to_ratio = np.stack([-taken * UNIT / SHARE_UNIT, np.full(3, UNIT, np.float32)], axis=1)
+    return to_share.astype(np.float32), to_ratio.astype(np.float32)
