@@ -65,6 +65,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_estimate(commands)
     _add_query(commands)
     _add_report(commands)
+    _add_export(commands)
     _add_review(commands)
     _add_demo(commands)
     for command in commands.choices.values():
@@ -507,6 +508,33 @@ def _add_preview(parser: argparse.ArgumentParser, name: str) -> None:
         metavar="PX",
         help="shrink the timeline's pictures to so many pixels, for small files",
     )
+
+
+def _add_export(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "export", help="write a recording with its boxes, objects and estimates added"
+    )
+    parser.add_argument("recording", type=Path, metavar="RECORDING")
+    _add_db(parser)
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="MCAP")
+    parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file with limits")
+    parser.set_defaults(function=_export)
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    from pipeline.config import load_config
+    from pipeline.console import out, progress_lines, safe
+    from pipeline.export.recording import export_recording
+
+    limits = load_config(arguments.camera).limits
+    with progress_lines() as report:
+        done = export_recording(arguments.recording, arguments.db, arguments.output, limits, report)
+    out.print(
+        f"{safe(arguments.output)}: {done.messages:,} messages of the original, and "
+        f"{done.objects:,} objects in {done.frames:,} frames",
+        soft_wrap=True,
+    )
+    return DAMAGED if done.notes.lost_data else DONE
 
 
 def _add_demo(commands: Commands[argparse.ArgumentParser]) -> None:

@@ -114,3 +114,49 @@ class Detections(_message.Message):
     detector: str
     objects: _containers.RepeatedCompositeFieldContainer[Detection]
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., frame_id: _Optional[str] = ..., detector: _Optional[str] = ..., objects: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ...) -> None: ...
+
+class Estimate(_message.Message):
+    __slots__ = ("track_id", "class_name", "box", "score", "method", "depth_m", "depth_std_m", "height_m", "height_std_m", "height_assumed", "range_m", "x_m", "y_m", "quality")
+    TRACK_ID_FIELD_NUMBER: _ClassVar[int]
+    CLASS_NAME_FIELD_NUMBER: _ClassVar[int]
+    BOX_FIELD_NUMBER: _ClassVar[int]
+    SCORE_FIELD_NUMBER: _ClassVar[int]
+    METHOD_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_M_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_STD_M_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_M_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_STD_M_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_ASSUMED_FIELD_NUMBER: _ClassVar[int]
+    RANGE_M_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    QUALITY_FIELD_NUMBER: _ClassVar[int]
+    track_id: int
+    class_name: str
+    box: BoundingBox
+    score: float
+    method: str
+    depth_m: float
+    depth_std_m: float
+    height_m: float
+    height_std_m: float
+    height_assumed: bool
+    range_m: float
+    x_m: float
+    y_m: float
+    quality: float
+    def __init__(self, track_id: _Optional[int] = ..., class_name: _Optional[str] = ..., box: _Optional[_Union[BoundingBox, _Mapping]] = ..., score: _Optional[float] = ..., method: _Optional[str] = ..., depth_m: _Optional[float] = ..., depth_std_m: _Optional[float] = ..., height_m: _Optional[float] = ..., height_std_m: _Optional[float] = ..., height_assumed: _Optional[bool] = ..., range_m: _Optional[float] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., quality: _Optional[float] = ...) -> None: ...
+
+class Estimates(_message.Message):
+    __slots__ = ("timestamp", "frame_id", "frame_index", "run_id", "objects")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    FRAME_ID_FIELD_NUMBER: _ClassVar[int]
+    FRAME_INDEX_FIELD_NUMBER: _ClassVar[int]
+    RUN_ID_FIELD_NUMBER: _ClassVar[int]
+    OBJECTS_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    frame_id: str
+    frame_index: int
+    run_id: str
+    objects: _containers.RepeatedCompositeFieldContainer[Estimate]
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., frame_id: _Optional[str] = ..., frame_index: _Optional[int] = ..., run_id: _Optional[str] = ..., objects: _Optional[_Iterable[_Union[Estimate, _Mapping]]] = ...) -> None: ...

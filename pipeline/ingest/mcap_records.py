@@ -54,6 +54,7 @@ __all__ = ["MAX_TIME_NS", "ChannelInfo", "McapFile", "Note", "RawMessage"]
 
 MAX_TIME_NS = 2**63 - 1  # what Arrow and DuckDB hold
 _BLOCK = 1 << 20
+_MOST_ATTACHMENTS = 100_000  # whose places are kept
 
 Note = Callable[[Diagnostic], None]
 
@@ -87,6 +88,7 @@ class McapFile:
         self.path = path
         self.size_bytes = path.stat().st_size
         self.metadata: list[MetadataRecord] = []
+        self.attachments: list[tuple[int, int]] = []  # whose CRC fits: where they start, how long
         self.message_counts: Counter[int] = Counter()
         self.lost_counts: Counter[int] = Counter()  # messages known to be lost, by channel
         self.damage_count = 0  # rises wherever something was left out: a video has a gap there
@@ -471,12 +473,16 @@ class McapFile:
             )
             source.skip_to(end)
             return
-        crc, crc_at = 0, source.position + stated - 4
+        start = source.position
+        crc, crc_at = 0, start + stated - 4
         while source.position < crc_at:
             crc = zlib.crc32(source.read(min(crc_at - source.position, _BLOCK)), crc)
         expected = int.from_bytes(source.read(4), "little")
         source.skip_to(end)
-        if expected and expected != crc:
+        if not expected or expected == crc:
+            if len(self.attachments) < _MOST_ATTACHMENTS:
+                self.attachments.append((start, stated))
+        else:
             name = self._attachment_name(offset)
             self._damage(
                 "damaged_attachment",

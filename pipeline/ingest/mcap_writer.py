@@ -92,13 +92,8 @@ class RecordingWriter:
         descriptor = message.DESCRIPTOR
         schema_id = self._schemas.get(descriptor.full_name)
         if schema_id is None:
-            files = FileDescriptorSet()
-            for file in _with_dependencies(descriptor.file):  # type: ignore[arg-type]
-                file.CopyToProto(files.file.add())
             schema_id = self._writer.register_schema(
-                name=descriptor.full_name,
-                encoding="protobuf",
-                data=files.SerializeToString(deterministic=True),
+                name=descriptor.full_name, encoding="protobuf", data=schema_of(message)
             )
             self._schemas[descriptor.full_name] = schema_id
         channel_id: int = self._writer.register_channel(
@@ -107,6 +102,14 @@ class RecordingWriter:
         self._channels[topic] = channel_id
         self._sequence[topic] = 0
         return channel_id
+
+
+def schema_of(message: Message) -> bytes:
+    """Return the descriptors of a message's type and of all that it uses."""
+    files = FileDescriptorSet()
+    for file in _with_dependencies(message.DESCRIPTOR.file):  # type: ignore[arg-type]
+        file.CopyToProto(files.file.add())
+    return files.SerializeToString(deterministic=True)
 
 
 def _with_dependencies(

@@ -9,7 +9,7 @@ columns, never as text.
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -326,13 +326,13 @@ class Store:
         """Return all recordings."""
         return self._connection.sql("FROM recordings ORDER BY file_name").to_arrow_table()
 
-    def query(self, sql: str, parameters: Sequence[object] = ()) -> pa.Table:
+    def query(self, sql: str, parameters: Sequence[object] | Mapping[str, object] = ()) -> pa.Table:
         """Return the result of one statement that a user wrote; it cannot change anything.
 
         Ask a store that is open for reading when there are millions of rows: one that is open for
         writing keeps its memory small (`connection.WRITING_MEMORY`), and exact medians need it.
 
-        Each `?` in it stands for a parameter.
+        Each `?` in it stands for a parameter, or each `$name` for one of a mapping.
 
         Raises:
             UsageError: DuckDB does not accept it, or it is not one statement.
@@ -342,7 +342,8 @@ class Store:
             if len(cursor.extract_statements(sql)) != 1:
                 raise UsageError("one SQL statement is needed", remedy="Run them one by one")
             cursor.execute("BEGIN TRANSACTION READ ONLY")
-            relation = cursor.sql(sql, params=list(parameters) or None)
+            values = dict(parameters) if isinstance(parameters, Mapping) else list(parameters)
+            relation = cursor.sql(sql, params=values or None)
             if relation is None:
                 raise UsageError("the statement has no rows to show", remedy="Give a SELECT")
             return relation.to_arrow_table()

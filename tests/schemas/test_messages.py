@@ -10,7 +10,7 @@ from schemas import stadimeter_pb2
 PROTO = Path(stadimeter_pb2.__file__).with_name("stadimeter.proto").read_text(encoding="utf-8")
 FIELD = re.compile(r"^\s*(optional |repeated )?([\w.]+) (\w+) = (\d+);", re.MULTILINE)
 MESSAGE = re.compile(r"^message (\w+) \{(.*?)^\}", re.MULTILINE | re.DOTALL)
-TYPES = {1: "double", 4: "uint64", 9: "string", 13: "uint32"}
+TYPES = {1: "double", 4: "uint64", 8: "bool", 9: "string", 13: "uint32"}
 
 
 def written() -> dict[str, set[tuple[str, str, str, int]]]:
