@@ -25,7 +25,7 @@ from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.lens import Lens, intrinsics_of, lens_of
 from pipeline.ingest.mcap_records import McapFile
 from pipeline.ingest.plausible import inside_picture
-from pipeline.measure import Seen, observe
+from pipeline.measure import Seen, luminance_inside, observe
 from pipeline.optics.exposure import exposure_value_100, scene_luminance_cd_m2
 from pipeline.picture import Picture, decode
 from pipeline.progress import Progress, Report, silent
@@ -67,6 +67,14 @@ class Timed(NamedTuple):
 
     picture: Picture
     spent: Spent
+
+
+class Kept(NamedTuple):
+    """What is left of a frame until its batch is written: no pixels."""
+
+    seen: Seen
+    frame_row: dict[str, object]
+    blur: Future[tuple[Blur, Spent]]
 
 
 class CameraStage:
@@ -111,7 +119,8 @@ class CameraStage:
             boxes = self.detector.detect(frame, picture)
         with times.stage("track"):
             ids = self.tracker.update(frame.capture_time_ns, frame.frame_index, boxes)
-        return Seen(frame, picture, boxes, ids)
+        with times.stage("measure"):
+            return Seen(frame, picture, boxes, ids, luminance_inside(picture, boxes))
 
 
 class FirstPass:
@@ -132,7 +141,7 @@ class FirstPass:
         self.file = McapFile(path, config.limits, self.notes.add)
         self.assembler = FrameAssembler(self.file, config.ingest, self.notes, config.camera)
         self.stages: dict[str, CameraStage] = {}
-        self.batch: list[Seen] = []
+        self.batch: list[Kept] = []
         self.start_time_ns: int | None = None
         self.end_time_ns: int | None = None
         self.frame_count = 0
@@ -150,10 +159,10 @@ class FirstPass:
         cv2.setNumThreads(1)
         with PartWriter(self.parts_folder) as parts, ThreadPoolExecutor(self.threads) as pool:
             for item in self._decoded(pool):
-                self.batch.append(self._follow(item))
+                self.batch.append(self._keep(self._follow(item), pool))
                 if len(self.batch) >= BATCH_FRAMES:
-                    self._write_batch(parts, pool)
-            self._write_batch(parts, pool)
+                    self._write_batch(parts)
+            self._write_batch(parts)
             for stage in self.stages.values():
                 parts.write("tracks", stage.tracker.tracks())
                 parts.write("cameras", self._camera_row(stage))
@@ -256,6 +265,12 @@ class FirstPass:
             )
             return Decoded(frame, None)
 
+    def _keep(self, seen: Seen, pool: Executor) -> Kept:
+        """Take from a picture what needs its pixels, and let them go."""
+        with self.times.stage("measure"):
+            row = self._frame_row(seen)
+            return Kept(seen.without_pixels(), row, pool.submit(self._blur, seen))
+
     def _blur(self, seen: Seen) -> tuple[Blur, Spent]:
         """Measure how blurred the boxes of a frame are, where its lens data say that it can tell."""
         frame, picture = seen.frame, seen.picture
@@ -275,22 +290,24 @@ class FirstPass:
         size_px = (picture.width_px, picture.height_px) if picture else stage.size_px
         return lens_of(frame.exposure, stage.settings, frame.intrinsics, *size_px)
 
-    def _write_batch(self, parts: PartWriter, pool: Executor) -> None:
+    def _write_batch(self, parts: PartWriter) -> None:
         batch, self.batch = self.batch, []
         if not batch:
             return
         blurs = []
-        for blur, spent in pool.map(self._blur, batch):
+        for kept in batch:
+            blur, spent = kept.blur.result()
             blurs.append(blur)
             self.times.add("blur", spent)
+        seen = [kept.seen for kept in batch]
         with self.times.stage("measure"):
-            self._write_rows(batch, blurs, parts)
-        fraction = min(batch[-1].frame.byte_offset / max(self.file.size_bytes, 1), 1.0)
+            parts.write("frames", _with_light([kept.frame_row for kept in batch]))
+            self._write_rows(seen, blurs, parts)
+        fraction = min(seen[-1].frame.byte_offset / max(self.file.size_bytes, 1), 1.0)
         slowest = self.times.slowest
         self.report(Progress(self.path.name, "measure", self.frame_count, fraction, slowest))
 
     def _write_rows(self, batch: list[Seen], blurs: list[Blur], parts: PartWriter) -> None:
-        parts.write("frames", _with_light([self._frame_row(seen) for seen in batch]))
         parts.write("ground_truth", _truth_rows([seen.frame for seen in batch]))
         detectors = {name: stage.detector.name for name, stage in self.stages.items()}
         observations = observe(batch, detectors, self.observation_count, blurs)

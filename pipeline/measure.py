@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from pipeline.records import NAN, OBSERVATIONS, Boxes, FloatArray, Frame, IntArr
 EDGE_PX = 1.5
 # Brightness inside a box is the mean over at most this many pixels in each direction.
 SAMPLES_ACROSS = 12
+_NO_PIXELS = np.empty((0, 0, 3), dtype=np.uint8)
 
 
 class Seen(NamedTuple):
@@ -25,6 +27,14 @@ class Seen(NamedTuple):
     picture: Picture | None
     boxes: Boxes
     track_ids: IntArray
+    luminance: FloatArray  # of each box, (n,)
+
+    def without_pixels(self) -> Seen:
+        """Return the same without the bytes and the pixels of the picture, which are large."""
+        frame = replace(self.frame, image=b"")
+        if self.picture is None:
+            return self._replace(frame=frame)
+        return self._replace(frame=frame, picture=replace(self.picture, bgr=_NO_PIXELS))
 
 
 def observe(
@@ -63,7 +73,7 @@ def observe(
         "detector": _spread([detectors[s.frame.camera] for s in with_boxes], counts),
         "score": np.concatenate([s.boxes.score for s in with_boxes]),
         "occlusion": np.concatenate([_occlusion(s.boxes.bbox_xyxy_px) for s in with_boxes]),
-        "luminance": np.concatenate([_luminance(s.picture, s.boxes) for s in with_boxes]),
+        "luminance": np.concatenate([s.luminance for s in with_boxes]),
     }
     columns |= _blur(blurs, total)
     for side, name in enumerate(("x_min", "y_min", "x_max", "y_max")):
@@ -114,7 +124,7 @@ def _occlusion(bbox: FloatArray) -> FloatArray:
     return np.asarray(np.minimum(covered, 1.0))
 
 
-def _luminance(picture: Picture | None, boxes: Boxes) -> FloatArray:
+def luminance_inside(picture: Picture | None, boxes: Boxes) -> FloatArray:
     """Return the mean relative luminance inside each box, sampled on a grid of the picture."""
     if picture is None:
         return np.full(len(boxes), NAN)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.measure import Seen, observe
+from pipeline.measure import Seen, luminance_inside, observe
 from pipeline.picture import Picture
 from pipeline.records import OBSERVATIONS, Boxes
 from tests.footage import frame
@@ -20,7 +20,8 @@ def seen(rows: list[list[float]], picture: Picture | None = None) -> Seen:
         np.full((count, 4), 0.5),
         (None,) * count,
     )
-    return Seen(frame(3), picture, found, np.arange(count))
+    light = luminance_inside(picture, found)
+    return Seen(frame(3), picture, found, np.arange(count), light).without_pixels()
 
 
 def picture(value: int = 255) -> Picture:
