@@ -18,7 +18,7 @@ DEPTHS_M = (0.5, 5.0)
 PITCHES_UM = (8.0, 12.0, 20.0, 26.0)
 FOCUS_M = (math.inf, 0.7, 1.5, 3.0)
 # One sigma: of aperture and focal length together, of the focus scale, and of its zero in 1/m.
-APERTURE_TOLERANCE, FOCUS_TOLERANCE, FOCUS_ZERO_PER_M = 0.015, 0.01, 0.003
+APERTURE_TOLERANCE, FOCUS_TOLERANCE, FOCUS_ZERO_PER_M = 0.02, 0.01, 0.003
 WIDTH_PX, HEIGHT_PX = 640, 480
 
 

@@ -111,7 +111,7 @@ def measure(
         chosen = chosen[by_size[:MAX_BOXES]]
     for i in map(int, chosen):
         box = boxes.bbox_xyxy_px[i]
-        widths = _widths(bgr, box, _in_front(boxes.bbox_xyxy_px, i), floor_px, aspect)
+        widths = widths_in(bgr, box, _in_front(boxes.bbox_xyxy_px, i), floor_px, aspect)
         sigma, std, reasons[i] = combine(widths, box)
         blur.sigma_px[i], blur.std_px[i] = sigma, std
         blur.edge_count[i] = len(widths.sigma_px)
@@ -164,7 +164,7 @@ def _length(widths: Widths, box: FloatArray) -> float:
     return float(widths.length_px.sum()) * CELL_PX / outline_px
 
 
-def _widths(
+def widths_in(
     bgr: Image, box: FloatArray, covers: FloatArray, floor_px: float, aspect: float
 ) -> Widths:
     """Return the widths of all edges of a box, in pixels of the mean pitch."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.blur.edges import REACH_PX, Edges
 from pipeline.optics.defocus import edge_spread
-from pipeline.records import BoolArray, FloatArray
+from pipeline.records import BoolArray, FloatArray, IntArray
 
 # What a level is asked for, in its pixels; narrower blur is seen better at the level before, and wider
 # at the next. The stored picture has none before it.
@@ -68,34 +68,45 @@ def widths_of(edges: Edges, floor_px: float) -> Widths:
         edges: of one level.
         floor_px: what the camera does to a sharp edge; only its share in the form is taken from it.
     """
+    good, sigma, std = fitted(edges, floor_px)
+    return in_stored_pixels(edges, good, sigma, sigma * std)
+
+
+def fitted(edges: Edges, floor_px: float) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return which edges are steps, widths in pixels of the level, and deviations of their logarithms."""
     scale = 2.0**edges.level
-    # The mean of 2^l by 2^l pixels, less that of the one pixel that is in the floor.
-    halving_px2 = (scale**2 - 1) / 12
-    floor = np.sqrt(floor_px**2 + halving_px2) / scale
+    floor = np.sqrt(floor_px**2 + _halving_px2(edges)) / scale
     lowest = WIDTHS_PX[0] if edges.level else MIN_WIDTH_PX
-    profile = edges.profile
-    start = _start(profile)
+    start = _start(edges.profile)
     likely = (start[:, 3] > np.log(lowest / 2)) & (start[:, 3] < np.log(WIDEST_PX * 2))
     least = max(MIN_CONTRAST_TO_NOISE * edges.noise, MIN_CONTRAST_OF_SPAN * edges.span)
     likely &= np.abs(start[:, 1]) > least / 2
-    fit, std, misfit = _fit(profile[likely], start[likely], floor, edges.noise)
+    fit, std, misfit = _fit(edges.profile[likely], start[likely], floor, edges.noise)
     sigma, contrast = np.exp(fit[:, 3]), np.abs(fit[:, 1])
     good = (sigma > lowest) & (sigma < WIDEST_PX) & (np.abs(fit[:, 2]) < 1.5)
     good &= contrast > least
     good &= misfit < np.hypot(1.5 * edges.noise, MAX_MISFIT * contrast)
     good &= std < MAX_RELATIVE_STD
-    sigma, std = sigma[good], std[good]
-    of_stored_px2 = sigma**2 * scale**2 - halving_px2
-    wide = np.sqrt(np.maximum(of_stored_px2, 1e-4))
-    at = edges.at_px[likely][good]
+    return np.flatnonzero(likely)[good], sigma[good], std[good]
+
+
+def in_stored_pixels(edges: Edges, rows: IntArray, sigma: FloatArray, std: FloatArray) -> Widths:
+    """Return widths that were measured in a level's pixels, less what halving the picture added."""
+    scale = 2.0**edges.level
+    stored = np.sqrt(np.maximum(sigma**2 * scale**2 - _halving_px2(edges), 1e-4))
     return Widths(
-        wide,
-        std * sigma**2 * scale**2 / wide,
-        at,
-        edges.normal[likely][good],
-        np.full(len(at), scale),
+        stored,
+        std * sigma * scale**2 / stored,
+        edges.at_px[rows],
+        edges.normal[rows],
+        np.full(len(rows), scale),
         sigma > WIDTHS_PX[1],
     )
+
+
+def _halving_px2(edges: Edges) -> float:
+    """Return the variance of the mean of 2^l by 2^l pixels, less that of the one that is in the floor."""
+    return (4.0**edges.level - 1) / 12
 
 
 def _start(profile: FloatArray) -> FloatArray:
