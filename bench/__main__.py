@@ -1,12 +1,13 @@
 """`make bench`: everything that is claimed, measured in one run."""
 
-from bench import memory, paper, queries, speed, street, walkers
+from bench import defocus, memory, paper, queries, speed, street, walkers
 from pipeline.console import out
 
 for title, part in (
     ("The paper's rows", paper),
     ("The pose from walkers", walkers),
     ("The street's survey", street),
+    ("Depth from defocus", defocus),
     ("Speed", speed),
     ("Memory", memory),
     ("Queries", queries),

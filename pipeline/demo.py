@@ -46,6 +46,8 @@ def demo(
             if STAFF in truth["class_name"].to_pylist():
                 _print_accuracy(store, recording_id, source)
                 continue
+            if _print_defocus(store, recording_id, outcome.path.name):
+                continue
             _print_pose(store, recording_id)
             print_tracks(store, recording_id, f"{outcome.path.name}: who walked where")
             if truth.num_rows:
@@ -122,6 +124,40 @@ def _print_against_truth(store: Store, recording_id: str, title: str) -> None:
     ]
     header = ("method", "estimates", "depth off %", "bias %", "in 95 % interval", "height off cm")
     print_rows(f"{title}: against the truth, medians", header, rows)
+
+
+def _print_defocus(store: Store, recording_id: str, title: str) -> bool:
+    """Print depths by blur beside the truth, one row an object, place and focus; False for none."""
+    found = store.query(
+        """
+        SELECT m.object_id, m.true_depth_m, f.focus_distance_m, e.branch,
+            count(*) AS frames, min(f.f_number) AS widest, max(f.f_number) AS narrowest,
+            median(e.depth_m) AS depth_m, median(e.depth_std_m) AS std_m
+        FROM main.current_estimates AS e
+        JOIN matches AS m USING (recording_id, observation_index)
+        JOIN frames AS f ON f.recording_id = m.recording_id AND f.camera = m.camera
+            AND f.frame_index = m.frame_index
+        WHERE recording_id = ? AND e.method = 'defocus'
+        GROUP BY ALL ORDER BY m.object_id, f.focus_distance_m DESC, m.true_depth_m
+        """,
+        [recording_id],
+    ).to_pylist()
+    rows = [
+        [
+            row["object_id"],
+            "infinity" if math.isinf(row["focus_distance_m"]) else f"{row['focus_distance_m']:g} m",
+            {"near": "before", "far": "behind"}.get(row["branch"], ""),
+            f"{row['frames']} at f/{row['widest']:g} to f/{row['narrowest']:g}",
+            f"{row['true_depth_m']:.2f}",
+            f"{row['depth_m']:.3f} ± {1.96 * row['std_m']:.3f}",
+            f"{100 * (row['depth_m'] / row['true_depth_m'] - 1):+.1f}",
+        ]
+        for row in found
+    ]
+    header = ("object", "focus", "side", "frames", "true m", "by blur m (95 %)", "off %")
+    if rows:
+        print_rows(f"{title}: depth from blur alone, no size known", header, rows)
+    return bool(rows)
 
 
 STAFF = "levelling_staff"

@@ -16,6 +16,7 @@ from pipeline.config import CameraConfig, Config
 from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate.columns import Measured
 from pipeline.estimate.combine import estimate, measured_by_camera
+from pipeline.exposure_check import exposure_notes
 from pipeline.records import Diagnostic, GroundPlane, Severity
 from pipeline.store.database import Store
 
@@ -25,7 +26,7 @@ def estimate_recording(
 ) -> None:
     """Estimate a stored recording by every method and store the results, inside a transaction."""
     tables = {t: store.read(t, recording_id) for t in ("observations", "frames", "cameras")}
-    notes: list[Diagnostic] = []
+    notes = exposure_notes(store.exposure_verdicts(recording_id))
     poses: dict[str, GroundPlane] = {}
     recorded = {row["camera"]: row for row in tables["cameras"].to_pylist()}
     for measured in measured_by_camera(**tables, poses={}):

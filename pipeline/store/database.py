@@ -322,6 +322,19 @@ class Store:
             params=[recording_id],
         ).to_arrow_table()
 
+    def exposure_verdicts(self, recording_id: str) -> pa.Table:
+        """Return how many frames of each camera have each verdict of `main.exposure_checks`."""
+        return self._connection.sql(
+            """
+            SELECT camera, verdict, count(*) AS frames, min(frame_index) AS first_frame_index,
+                arg_min(capture_time_ns, frame_index) AS first_time_ns,
+                max(greatest(abs(departure_ev), abs(step_ev))) AS most_ev
+            FROM main.exposure_checks WHERE recording_id = ? AND verdict <> 'agrees'
+            GROUP BY ALL ORDER BY ALL
+            """,
+            params=[recording_id],
+        ).to_arrow_table()
+
     def recordings(self) -> pa.Table:
         """Return all recordings."""
         return self._connection.sql("FROM recordings ORDER BY file_name").to_arrow_table()

@@ -1,0 +1,93 @@
+-- Does the brightness of every picture agree with its exposure data?
+--
+-- By Eq. 15 a picture's luminance over t ISO / N^2 is the scene's; of a fixed camera it changes
+-- slowly. A picture that leaves its neighbours' level by more than its camera's scatter has wrong
+-- exposure data, or a gain that they do not tell; where the level itself changes from one picture
+-- to the next and stays, gain, light or data have changed. Clipped pictures tell too little of the
+-- light, and are not asked.
+CREATE OR REPLACE VIEW main.exposure_checks AS
+WITH lit AS (
+    SELECT
+        recording_id, camera, frame_index, capture_time_ns, f_number, exposure_time_s, iso_speed,
+        gain_db, luminance, clipped_fraction,
+        coalesce(clipped_fraction > 0.05, false) AS is_clipped,
+        -- A gain of 6.02 dB is a stop. What a camera never tells counts as constant.
+        CASE WHEN luminance > 0 AND exposure_time_s > 0 THEN
+            log2(luminance) - log2(exposure_time_s)
+            - coalesce(log2(iso_speed / 100.0), gain_db / 6.0206, 0.0)
+            + 2 * coalesce(log2(f_number), 0.0)
+        END AS scene_ev
+    FROM main.frames
+    WHERE decoded
+),
+levels AS (
+    SELECT
+        *,
+        CASE WHEN NOT is_clipped THEN scene_ev END AS asked_ev,
+        median(asked_ev) OVER before AS before_ev,
+        median(asked_ev) OVER after AS after_ev,
+        median(asked_ev) OVER around AS around_ev,
+        count(asked_ev) OVER before AS before_count,
+        count(asked_ev) OVER after AS after_count,
+        count(asked_ev) OVER around AS around_count
+    FROM lit
+    WINDOW
+        before AS (
+            PARTITION BY recording_id, camera ORDER BY frame_index
+            ROWS BETWEEN 5 PRECEDING AND 1 PRECEDING
+        ),
+        after AS (
+            PARTITION BY recording_id, camera ORDER BY frame_index
+            ROWS BETWEEN CURRENT ROW AND 4 FOLLOWING
+        ),
+        around AS (
+            PARTITION BY recording_id, camera ORDER BY frame_index
+            ROWS BETWEEN 5 PRECEDING AND 5 FOLLOWING EXCLUDE CURRENT ROW
+        )
+),
+departures AS (
+    SELECT
+        *,
+        CASE WHEN around_count >= 4 THEN asked_ev - around_ev END AS departure_ev,
+        CASE WHEN before_count >= 3 AND after_count >= 3 THEN after_ev - before_ev END AS step_ev
+    FROM levels
+),
+scattered AS (
+    -- The scatter of a camera: 1.4826 turns a median absolute deviation into a standard deviation.
+    SELECT
+        *,
+        1.4826 * median(abs(departure_ev)) OVER (PARTITION BY recording_id, camera) AS scatter_ev
+    FROM departures
+),
+limited AS (
+    -- f-number, time and ISO are each rounded to a third of a stop: half a stop is no rounding.
+    SELECT *, greatest(0.5, 4 * coalesce(scatter_ev, 0.0)) AS limit_ev FROM scattered
+),
+stepped AS (
+    SELECT
+        *,
+        abs(step_ev) > limit_ev AND abs(asked_ev - before_ev) > limit_ev AS after_step
+    FROM limited
+)
+SELECT
+    recording_id, camera, frame_index, capture_time_ns, f_number, exposure_time_s, iso_speed,
+    luminance, clipped_fraction, scene_ev, departure_ev, step_ev, scatter_ev,
+    CASE
+        WHEN scene_ev IS NULL THEN NULL
+        WHEN is_clipped THEN 'clipped'
+        -- The frames after it see the step as well.
+        WHEN after_step AND NOT coalesce(lag(after_step) OVER (
+            PARTITION BY recording_id, camera ORDER BY frame_index
+        ), false) THEN 'steps'
+        WHEN abs(departure_ev) > limit_ev AND abs(asked_ev - before_ev) > limit_ev
+            AND abs(asked_ev - after_ev) > limit_ev THEN 'departs'
+        ELSE 'agrees'
+    END AS verdict
+FROM stepped;
+
+COMMENT ON VIEW main.exposure_checks IS 'Does the brightness of every picture agree with its exposure data? One row a decoded frame. A moving or zooming camera, and a tone curve that is not sRGB, make their own departures.';
+COMMENT ON COLUMN main.exposure_checks.scene_ev IS 'Brightness of the scene in stops, by luminance over t ISO / N^2 (Eq. 15), up to a constant of the camera; NULL where luminance or exposure time is unknown.';
+COMMENT ON COLUMN main.exposure_checks.departure_ev IS 'scene_ev less the median of the five frames before and after; NULL where fewer than four of them tell.';
+COMMENT ON COLUMN main.exposure_checks.step_ev IS 'Median of this frame and the four after less that of the five before.';
+COMMENT ON COLUMN main.exposure_checks.scatter_ev IS 'Robust standard deviation of the camera''s departures.';
+COMMENT ON COLUMN main.exposure_checks.verdict IS 'clipped (over 5 % of the pixels black or white), departs (from its neighbours, by half a stop and four scatters: exposure data that are not this picture''s), steps (the level changes here and stays: gain or light, which the data do not tell), agrees, or NULL where the data do not suffice.';
