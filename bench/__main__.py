@@ -1,6 +1,6 @@
 """`make bench`: everything that is claimed, measured in one run."""
 
-from bench import defocus, memory, paper, queries, speed, street, walkers
+from bench import defocus, memory, paper, queries, speed, street, timeline, walkers
 from pipeline.console import out
 
 for title, part in (
@@ -9,6 +9,7 @@ for title, part in (
     ("The street's survey", street),
     ("Depth from defocus", defocus),
     ("Speed", speed),
+    ("Timelines", timeline),
     ("Memory", memory),
     ("Queries", queries),
 ):

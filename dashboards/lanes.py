@@ -27,6 +27,7 @@ STATES = ("", " hidden", " predicted")
 SHARES = (0.85, 0.4)
 # A bar shorter than this share of the recording has no room for a name.
 LABEL_SHARE = 0.025
+FRAMES_IN_VIEW = 2000  # what the viewer opens with of a longer one
 UNNAMED = " "  # ends a state that has no name on its bar
 # Kinds of diagnostics with a lane of their own; all are in the log.
 DIAGNOSTIC_LANES = 6
@@ -55,7 +56,7 @@ def _log_tracks(stream: rr.RecordingStream, rows: CameraRows) -> None:
     text = "#" + number + np.array(STATES, dtype=object)[np.maximum(state, 0)]
     # A slot goes to its next track in the frame in which the last one ends: that start comes last.
     order = np.lexsort((state >= 0, row, slot))
-    shortest = LABEL_SHARE * len(rows.frames)
+    shortest = LABEL_SHARE * min(len(rows.frames), FRAMES_IN_VIEW)
     for lane in range(int(rows.tracks.slot.max(initial=-1)) + 1):
         mine = order[slot[order] == lane]
         mine = mine[np.append(np.diff(row[mine]) > 0, True)]

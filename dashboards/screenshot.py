@@ -1,7 +1,7 @@
 """Pictures of a timeline as a reviewer sees it, made without a screen.
 
     python -m dashboards.screenshot out/demo/street.rrd docs/street.png --frame 100
-    python -m dashboards.screenshot out/demo/street.rrd a.png --frame 10 b.png --frame 90
+    python -m dashboards.screenshot out/demo/street.rrd a.png --frame 10 b.png --frame 90 --tab About
 
 Needs a Vulkan driver; Debian's `mesa-vulkan-drivers` renders in software. The viewer listens on the
 loopback only, and is stopped at the end. Exit code 1 if a view complains.
@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -57,6 +58,30 @@ class Viewer:
                 raise StadimeterError("the viewer is still loading after a minute")
             time.sleep(0.3)
             calm = 0 if self._client.get_state().loading else calm + 1  # type: ignore[attr-defined]
+
+    def show_tab(self, name: str) -> None:
+        """Bring a tab to the front by its title.
+
+        Raises:
+            StadimeterError: there is no such tab.
+        """
+        client: Any = self._client
+        layout = client.get_blueprint().blueprint
+        parts = {
+            key.lstrip("/"): value["ContainerBlueprint"]
+            for key, value in layout.items()
+            if "ContainerBlueprint" in value
+        }
+        named = {key for key, part in parts.items() if part.get("display_name") == name}
+        named |= {f"view/{v.view_id}" for v in client.get_state().views if v.name == name}
+        for part in parts.values():
+            inside = named & set(part["contents"])
+            if part["container_kind"] == "Tabs" and inside:
+                part["active_tab"] = inside.pop()
+                client.set_blueprint(layout, of="recording")
+                self._wait()
+                return
+        raise StadimeterError(f"the timeline has no tab {name!r}")
 
     def reports(self) -> list[str]:
         """Return what the views complain of, hidden ones too."""
@@ -101,6 +126,7 @@ def main() -> int:
     parser.add_argument("recording", type=Path)
     parser.add_argument("pictures", type=Path, nargs="+")
     parser.add_argument("--frame", type=int, action="append", help="one for each picture, in order")
+    parser.add_argument("--tab", action="append", default=[], help="bring it to the front")
     parser.add_argument("--size", default="1920x1080")
     arguments = parser.parse_intermixed_args()
     frames = arguments.frame or [0] * len(arguments.pictures)
@@ -108,6 +134,8 @@ def main() -> int:
         parser.error("give --frame once for each picture")
     reports = []
     with viewer(arguments.recording, size=arguments.size) as shown:
+        for tab in arguments.tab:
+            shown.show_tab(tab)
         for picture, frame in zip(arguments.pictures, frames, strict=True):
             shown.show_frame(frame)
             shown.save(picture)

