@@ -2,11 +2,12 @@
 # make test    set everything up and run the tests
 # make lint    the linters and the type checker
 # make bench   speed and accuracy, as ratios in one run
+# make pictures   the pictures of the documentation, from what make demo left
 # make lock    bring requirements*.lock up to date with pyproject.toml
 # make proto   generate schemas/stadimeter_pb2.py from schemas/stadimeter.proto
 
 .DELETE_ON_ERROR:
-.PHONY: demo test lint format bench lock proto clean
+.PHONY: demo test lint format bench pictures lock proto clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -33,6 +34,9 @@ format: $(VENV)/.ready-dev
 
 bench: $(VENV)/.ready-dev
 	$(BIN)/python -m bench
+
+pictures: $(VENV)/.ready
+	$(BIN)/python -m dashboards.pictures out/demo docs
 
 $(VENV)/.python:
 	@test -n "$(PYTHON)" || { echo "stadimeter needs Python 3.11 or newer with venv and pip" \

@@ -135,15 +135,16 @@ def _span(values: FloatArray, truth: FloatArray) -> Span | None:
     return max(low - margin, 0.0), high + margin
 
 
-def blueprint(views: Sequence[CameraView]) -> rrb.Blueprint:
+def blueprint(views: Sequence[CameraView], *, has_diagnostics: bool = True) -> rrb.Blueprint:
     """Return the layout for the cameras: a tab each if there are several, after one with all."""
-    cameras = [_camera(view) for view in views]
+    cameras = [_camera(view, has_diagnostics=has_diagnostics) for view in views]
     if not cameras:
-        body: rrb.Container = _texts()
+        body: rrb.Container = _texts(has_diagnostics=has_diagnostics)
     elif len(cameras) == 1:
         body = cameras[0]
     else:
-        body = rrb.Tabs(_all(views), *cameras, active_tab=0)
+        together = _all(views, has_diagnostics=has_diagnostics)
+        body = rrb.Tabs(together, *cameras, active_tab=0)
     rate_hz = next((1e9 / v.frame_ns for v in views if v.frame_ns), 10.0)
     return rrb.Blueprint(
         body,
@@ -171,7 +172,7 @@ def shared_clock(views: Sequence[CameraView]) -> str:
     return TIME if together else ELAPSED
 
 
-def _all(views: Sequence[CameraView]) -> rrb.Vertical:
+def _all(views: Sequence[CameraView], *, has_diagnostics: bool) -> rrb.Vertical:
     """Return all cameras side by side: their pictures, and their depths below."""
     across = min(len(views), PICTURES_ACROSS)
     shown = views[:MOST_PICTURES]
@@ -182,14 +183,18 @@ def _all(views: Sequence[CameraView]) -> rrb.Vertical:
     return rrb.Vertical(
         pictures,
         *curves,
-        _texts(),
+        _texts(has_diagnostics=has_diagnostics),
         row_shares=[PICTURES_SHARE, *[rest * 0.4] * len(curves), rest * 0.6],
         name="All cameras",
     )
 
 
-def _camera(view: CameraView) -> rrb.Horizontal:
-    left = rrb.Vertical(_picture(view), _texts(view), row_shares=[PICTURE_SHARE, 1 - PICTURE_SHARE])
+def _camera(view: CameraView, *, has_diagnostics: bool) -> rrb.Horizontal:
+    left = rrb.Vertical(
+        _picture(view),
+        _texts(view, has_diagnostics=has_diagnostics),
+        row_shares=[PICTURE_SHARE, 1 - PICTURE_SHARE],
+    )
     lanes = min((LANES_TOP_PX + LANE_PX * view.lanes) / WINDOW_PX[1], MOST_LANES_SHARE)
     plots = _plots(view)
     right = [_scene(view), *plots, _lanes(view)]
@@ -202,16 +207,27 @@ def _camera(view: CameraView) -> rrb.Horizontal:
     )
 
 
-def _texts(view: CameraView | None = None) -> rrb.Tabs:
+def _texts(view: CameraView | None = None, *, has_diagnostics: bool) -> rrb.Tabs:
     texts: list[rrb.View] = [
         rrb.TextDocumentView(origin="tracks", name="Tracks"),
         rrb.TextDocumentView(origin="about", name="About"),
-        rrb.TextLogView(origin="diagnostics", name="Diagnostics"),
     ]
+    if has_diagnostics:
+        texts.append(_log("diagnostics", "Diagnostics"))
     if view is not None and view.has_errors:
         worst = path("cameras", view.camera, "worst")
-        texts.append(rrb.TextLogView(origin=worst, name="Worst errors"))
+        texts.append(_log(worst, "Worst errors"))
     return rrb.Tabs(*texts, active_tab=0)
+
+
+def _log(origin: str, name: str) -> rrb.TextLogView:
+    return rrb.TextLogView(
+        origin=origin,
+        name=name,
+        columns=rrb.TextLogColumns(
+            timeline_columns=[FRAME, TIME], text_log_columns=["loglevel", "body"]
+        ),
+    )
 
 
 def _picture(view: CameraView) -> rrb.Spatial2DView:
@@ -264,7 +280,8 @@ def eye_and_target(view: CameraView) -> tuple[FloatArray, FloatArray]:
     to the right and upwards.
     """
     tall_m = 2.0 if view.pose_known else 0.2 * view.ahead_m[1]
-    edges = ((view.across_m[0], view.ruler_m), view.ahead_m, (0.0, tall_m))
+    low_m = 0.0 if view.pose_known else -tall_m / 2  # around the axis where no ground is known
+    edges = ((view.across_m[0], view.ruler_m), view.ahead_m, (low_m, low_m + tall_m))
     space = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(-1, 3)
     points = np.vstack([space, [0.0, 0.0, view.camera_height_m]])
     target = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -304,9 +321,11 @@ def _back(view: CameraView, newest: int, oldest: int) -> rrb.VisibleTimeRanges:
 
 
 def _lanes(view: CameraView) -> rrb.StateTimelineView:
+    tracks = "" if view.is_series_of_pictures else "Tracks: seen (bright), hidden, predicted. "
+    others = [name for name, there in (("the worst errors", view.has_errors),) if there]
     return rrb.StateTimelineView(
         origin=path("cameras", view.camera, "lanes"),
-        name="Tracks over time: seen (bright), hidden, predicted; exposure; diagnostics",
+        name=f"{tracks}When: {', '.join([*others, 'exposure', 'diagnostics'])}",
         time_view=_linked(),
     )
 
@@ -398,4 +417,4 @@ def _exposure(view: CameraView) -> rrb.Grid:
         )
         for name in view.exposure
     ]
-    return rrb.Grid(*plots, grid_columns=2, name="Exposure")
+    return rrb.Grid(*plots, grid_columns=2 if len(plots) > 2 else 1, name="Exposure")

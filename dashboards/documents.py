@@ -51,7 +51,7 @@ def about_text(
 
 
 def _recording_text(recording: Mapping[str, Any]) -> str:
-    lines = [f"# {markdown(recording['file_name'])}"]
+    lines = [f"### {markdown(recording['file_name'])}"]
     frames = recording.get("frame_count")
     start, end = recording.get("start_time_ns"), recording.get("end_time_ns")
     facts = [f"{frames:,} frames" if frames is not None else ""]
@@ -66,8 +66,7 @@ def _recording_text(recording: Mapping[str, Any]) -> str:
     made = f"stadimeter {markdown(version)}"
     if recording.get("run_id"):
         made += f", run `{markdown(recording['run_id'])}`"
-    sha = recording.get("content_sha256") or recording["recording_id"]
-    lines.append(f"Measured by {made}. Content `{markdown(sha)}`.")
+    lines.append(f"Measured by {made}. Recording `{markdown(recording['recording_id'])}`.")
     return "\n\n".join(line for line in lines if line)
 
 
@@ -81,7 +80,7 @@ def _clock(time_ns: int) -> str:
 
 def _camera_text(rows: CameraRows) -> str:
     camera = rows.camera
-    lines = [f"## Camera {markdown(rows.name)}", _lens_text(camera), _pose_text(camera)]
+    lines = [f"#### Camera {markdown(rows.name)}", _lens_text(camera), _pose_text(camera)]
     rate_hz = rows.frames.rate_hz()
     seen = f"{len(rows.frames):,} frames"
     if rate_hz and not rows.is_series_of_pictures:
@@ -126,8 +125,11 @@ def with_interval(value: float | None, std: float | None, digits: int) -> str:
 def _methods_text(cameras: Sequence[CameraRows]) -> str:
     used = {m: int((rows.best_method == m).sum()) for rows in cameras for m in rows.methods}
     if not used:
-        return "## Methods\n\nNo distance was estimated."
-    lines = ["## Methods", "An observation is drawn by the first of these that has a depth for it:"]
+        return "#### Methods\n\nNo distance was estimated."
+    lines = [
+        "#### Methods",
+        "An observation is drawn by the first of these that has a depth for it:",
+    ]
     names = [str(m) for m in METHOD_ORDER if m in used]
     names += sorted(set(used) - set(names))
     items = []
@@ -141,7 +143,7 @@ def _methods_text(cameras: Sequence[CameraRows]) -> str:
 
 def _calibrations_text(calibrations: pa.Table) -> str:
     lines = [
-        "## Calibrations",
+        "#### Calibrations",
         "| camera | class | side | method | parameter | value | source |\n|:--|:--|:--|:--|:--|--:|:--|",
     ]
     for row in calibrations.slice(0, MAX_ROWS).to_pylist():
@@ -158,7 +160,7 @@ def _calibrations_text(calibrations: pa.Table) -> str:
 
 def _reading_text(cameras: Sequence[CameraRows]) -> str:
     lines = [
-        "## How to read it",
+        "#### How to read it",
         "Depth is the distance along the optical axis. Intervals and bands hold 95 % if errors are "
         "normal: 1.96 standard deviations to either side. Rerun calls the square of that half width "
         "the variance of a curve.",

@@ -139,7 +139,7 @@ def _log_worst(stream: rr.RecordingStream, rows: CameraRows) -> None:
     _log_points(stream, rows, row, worst)
     first = np.append([True], np.diff(row) > 0)  # a frame has room for one mark: its largest
     marks = [f"#{n} {e:+.0f} %" for n, e in zip(number[first], worst.error[first], strict=True)]
-    log_marks(stream, rows, "worst_errors", row[first], marks)
+    log_marks(stream, rows, "errors_worst", row[first], marks)
 
 
 def _log_points(stream: rr.RecordingStream, rows: CameraRows, row: IntArray, worst: Worst) -> None:

@@ -27,6 +27,7 @@ from pipeline.errors import StadimeterError
 LOADING_S = 60.0
 # The viewer's own notices lie over the panels for some seconds after its start.
 NOTICES_S = 6.0
+QUALITIES = (88, 84, 80, 75, 70)  # below that letters have rings
 BAR_PX = 37  # the window's own bar, which tells of this machine
 
 
@@ -99,12 +100,27 @@ class Viewer:
             time.sleep(max(0.0, self._started + NOTICES_S - time.monotonic()))
         return bytes(self._client.take_screenshot())  # type: ignore[attr-defined]
 
-    def save(self, target: Path) -> None:
-        """Write a picture of the views, without the bar above them; PNG or JPEG by its name."""
+    def panel(self, name: str) -> bytes | None:
+        """Return a PNG of one view; none of one behind another tab."""
+        client: Any = self._client
+        view = next(v for v in client.get_state().views if v.name == name)
+        try:
+            return bytes(client.take_screenshot(view.view_id))
+        except (ConnectionError, RuntimeError):
+            return None
+
+    def save(self, target: Path, *, largest_bytes: int | None = None) -> None:
+        """Write a picture of the views, without the bar above them; PNG or JPEG by its name.
+
+        A JPEG is as good as `largest_bytes` allows.
+        """
         png = np.frombuffer(self.picture(without_notices=True), np.uint8)
         window = np.asarray(cv2.imdecode(png, cv2.IMREAD_COLOR))[BAR_PX:]
-        quality = () if target.suffix == ".png" else (cv2.IMWRITE_JPEG_QUALITY, 88)
-        encoded = cv2.imencode(target.suffix, window, quality)[1]
+        for quality in QUALITIES:
+            options = () if target.suffix == ".png" else (cv2.IMWRITE_JPEG_QUALITY, quality)
+            encoded = cv2.imencode(target.suffix, window, options)[1]
+            if largest_bytes is None or len(encoded) <= largest_bytes:
+                break
         target.write_bytes(encoded.tobytes())
 
 

@@ -59,10 +59,25 @@ def read_tables(store: Store, recording_id: str, span: Span | None) -> dict[str,
     """Return the rows of a recording, or those that belong to frames of a span."""
     if span is None:
         tables = {name: store.read(name, recording_id) for name in (*PASS_ONE, "matches")}
-        return tables | {name: store.read_current(name, recording_id) for name in PASS_TWO_TABLES}
-    return {
-        name: store.query(f"{_SPAN} {sql}", [recording_id, *span]) for name, sql in _OF_SPAN.items()
-    }
+        tables |= {name: store.read_current(name, recording_id) for name in PASS_TWO_TABLES}
+    else:
+        tables = {
+            name: store.query(f"{_SPAN} {sql}", [recording_id, *span])
+            for name, sql in _OF_SPAN.items()
+        }
+    return tables | {"calibrations": store.query(_CALIBRATIONS, [recording_id])}
+
+
+# Those that the newest estimates used, not all that the run was given.
+_CALIBRATIONS = """
+WITH used AS (
+    SELECT DISTINCT e.run_id, e.calibration_id
+    FROM estimates e SEMI JOIN main.current_run USING (recording_id, run_id)
+    WHERE recording_id = ? AND calibration_id IS NOT NULL
+)
+SELECT c.* FROM calibrations c SEMI JOIN used USING (run_id, calibration_id)
+ORDER BY camera, object_class, dimension, method, parameter, f_number
+"""
 
 
 _SPAN = """

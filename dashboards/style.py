@@ -37,7 +37,10 @@ METHOD_ORDER = (
     Method.SIZE,
     Method.DEFOCUS,
 )
-METHOD_COLOURS = {str(method): PALETTE[i] for i, method in enumerate(METHOD_ORDER)}
+# Of the palette: size is not the blue beside ground's, and vermilion is kept for what is wrong.
+METHOD_COLOURS = {
+    str(method): PALETTE[i] for method, i in zip(METHOD_ORDER, (0, 1, 2, 3, 6, 4), strict=True)
+}
 
 # rr.Measurements draws one standard deviation to either side; given a variance of (1.96 s)^2 it
 # draws the 95 % interval. Whatever sends a variance uses this.

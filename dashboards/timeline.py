@@ -39,7 +39,7 @@ from dashboards.documents import about_text, tracks_text
 from dashboards.errors import log_errors
 from dashboards.exposure import log_exposure
 from dashboards.lanes import log_lanes
-from dashboards.names import path, visible
+from dashboards.names import markdown, path, visible
 from dashboards.notes_log import log_diagnostics
 from dashboards.picture import log_boxes
 from dashboards.scene import log_camera, log_ground, log_people
@@ -72,7 +72,10 @@ def write_timeline(
     """
     options = options or TimelineOptions()
     cameras = [_cameras(source, options, len(sources)) for source in sources]
-    layout = blueprint([camera_view(rows) for own in cameras for rows in own])
+    layout = blueprint(
+        [camera_view(rows) for own in cameras for rows in own],
+        has_diagnostics=any(source.tables["diagnostics"].num_rows for source in sources),
+    )
     part = target.with_name(f"{target.name}.part")
     target.parent.mkdir(parents=True, exist_ok=True)
     stream = rr.RecordingStream(APPLICATION, recording_id=_identity(sources, options))
@@ -150,7 +153,7 @@ def _log_texts(
     about, tracks = [], []
     for source, own in zip(sources, cameras, strict=True):
         about.append(about_text(source.recording, own, source.tables))
-        heading = [f"## {visible(_stem(source))}"] if len(sources) > 1 else []
+        heading = [f"### {markdown(_stem(source))}"] if len(sources) > 1 else []
         tracks += [*heading, tracks_text(source.tables, own)]
     texts = [("about", "\n\n".join(about)), ("tracks", "\n\n".join(tracks))]
     logged_markdown(stream, texts)

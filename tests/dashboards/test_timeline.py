@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -10,18 +11,26 @@ import pytest
 from rerun.chunk import RrdReader
 
 from dashboards.names import entity_part, markdown, path, visible
+from dashboards.pictures import SHOTS, Shot
+from dashboards.review import Review, write_review
 from dashboards.scene import Pose
 from dashboards.screenshot import viewer
 from dashboards.viewer import no_driver
-from pipeline.config import Config
-from pipeline.diagnostics import Notes
-from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
+from pipeline.config import Config, TimelineConfig, load_config
 from pipeline.ingest.mcap_writer import RecordingWriter, image_message
 from pipeline.optics.ground_plane import project_person
+from pipeline.picture import image_size
 from pipeline.run import run
+from pipeline.store.database import Store
 from tests.test_run import LEVEL, START_NS, jpeg, write_people
 
+# A panel of each tab.
+PANELS = {
+    "Errors": "^Depth error, %",
+    "Exposure": "^Sensitivity, ISO",
+    "Worst errors": "^Worst errors$",
+    "About": "^About$",
+}
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -115,21 +124,55 @@ def test_the_scene_agrees_with_the_optics() -> None:
     np.testing.assert_allclose(in_camera[:2] / in_camera[2], foot, atol=1e-12)
 
 
-@pytest.mark.viewer
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["street", "staff"])
-def test_the_viewer_shows_the_demo_recordings(name: str, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if no_driver():
         pytest.skip(no_driver())
-    recording = ROOT / "recordings" / f"{name}.mcap"
-    run([recording], tmp_path / "x.duckdb", Config(), timelines=tmp_path)
-    with viewer(tmp_path / f"{name}.rrd", size="1280x720") as shown:
-        shown.show_frame(30)
-        picture = cv2.imdecode(np.frombuffer(shown.picture(), np.uint8), cv2.IMREAD_COLOR)
-        reports = shown.reports()
-    assert reports == []
-    left = picture[: picture.shape[0] // 2, : picture.shape[1] // 3]
-    assert left.std() > 20  # the camera's picture is there, not an empty panel
-    config, notes = Config(), Notes()
-    file = McapFile(recording, config.limits, notes.add)
-    assert sum(1 for _ in FrameAssembler(file, config.ingest, notes)) > 30
+    folder = tmp_path_factory.mktemp("demo")
+    config = load_config(ROOT / "recordings" / "cameras.toml")
+    recordings = [ROOT / "recordings" / f"{name}.mcap" for name in ("staff", "street", "walkers")]
+    run(recordings, folder / "x.duckdb", config, timelines=folder, workers=2)
+    return folder
+
+
+@pytest.mark.viewer
+@pytest.mark.slow
+@pytest.mark.parametrize("shot", SHOTS, ids=lambda shot: shot.name)
+def test_the_viewer_shows_the_demo_recordings(shot: Shot, demo: Path) -> None:
+    """No view complains, those behind other tabs included, and none that is in front is empty."""
+    with viewer(demo / f"{shot.recording}.rrd") as shown:
+        shown.show_frame(shot.frame)
+        for tab in shot.tabs:
+            shown.show_tab(tab)
+        assert shown.reports() == []
+        png = shown.picture(without_notices=True)
+        panels = {name: shown.panel(name) for name in shown.views()}
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    assert picture.shape == (1080, 1920, 3)
+    in_front = {name: panel for name, panel in panels.items() if panel is not None}
+    expected = ["track, depth", "^Scene|^On the ground", "^(Tracks: )?.*When: "]
+    expected += [PANELS[tab] for tab in shot.tabs] or ["^Depth, m", "^Height", "^Tracks$"]
+    for pattern in expected:
+        assert any(re.search(pattern, name) for name in in_front), pattern
+    for name, panel in in_front.items():
+        image = cv2.imdecode(np.frombuffer(panel, np.uint8), cv2.IMREAD_COLOR)
+        below = image[40:]  # the title bar is never empty
+        assert below.std() > 4, name
+
+
+@pytest.mark.viewer
+@pytest.mark.slow
+def test_the_camera_and_its_picture_lie_on_each_other(demo: Path) -> None:
+    """A preview is shrunk together with all that lies over it."""
+    with Store.open(demo / "x.duckdb", read_only=True) as store:
+        review = Review(["street"], at="#132")
+        small = Config(timeline=TimelineConfig(preview_px=384))
+        written = write_review(store, review, demo / "small.rrd", small)
+    found = entities(written.path)
+    blob = column(found["/cameras/street_mast/camera/image"], "EncodedImage:blob")[132][0]
+    assert image_size(bytes(blob)) == (384, 288)
+    boxes, whole = (
+        column(entities(path)["/cameras/street_mast/camera/tracks"], "Boxes2D:centers")
+        for path in (written.path, demo / "street.rrd")
+    )
+    np.testing.assert_allclose(np.array(boxes[130]), np.array(whole[130]) / 2, rtol=1e-6)
