@@ -59,13 +59,19 @@ class Background:
             return self.mean_u8
         return cv2.convertScaleAbs(self.mean_u8, alpha=gain)
 
-    def follow(self, picture: Image, occupied: Image, time_s: float) -> None:
-        """Let the background follow a picture; `occupied` (h, w) is 255 where objects are, else 0."""
+    def follow(self, picture: Image, occupied: Image, time_s: float) -> bool:
+        """Let the background follow a picture, and return whether it was time to.
+
+        Args:
+            picture: (h, w, 3).
+            occupied: 255 where objects are, else 0, (h, w).
+            time_s: of the picture.
+        """
         if self._updated_s is None:
             self._updated_s = time_s
         elapsed_s = time_s - self._updated_s
         if elapsed_s < UPDATE_S:
-            return
+            return False
         self._updated_s = time_s
         free = cv2.bitwise_not(occupied)
         # 1.25 turns a mean absolute deviation into a standard deviation (normal distribution)
@@ -76,6 +82,13 @@ class Background:
         absorb_rate = 1.0 - np.exp(-elapsed_s / ABSORB_S)
         cv2.accumulateWeighted(picture, self._mean, absorb_rate, mask=occupied)
         self._freeze()
+        return True
+
+    def take(self, picture: Image, box: tuple[int, int, int, int]) -> None:
+        """Take a part of a picture, x0, y0, x1, y1, for the background."""
+        x0, y0, x1, y1 = box
+        self._mean[y0:y1, x0:x1] = picture[y0:y1, x0:x1]
+        self.mean_u8[y0:y1, x0:x1] = picture[y0:y1, x0:x1]
 
 
 def difference(picture: Image, reference: Image) -> Image:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from pipeline.config import DetectConfig
 from pipeline.detect.background import Background, difference
 from pipeline.detect.ends import Unshaded, ends_of
+from pipeline.detect.ghosts import Box, Ghosts
 from pipeline.detect.groups import Pieces, split_groups
 from pipeline.detect.people import PERSON_ASPECT, PersonScale, join_parts
 from pipeline.detect.repair import repair
@@ -32,7 +33,6 @@ _JOIN = np.ones((5, 3), np.uint8)
 MIN_AREA_PX = 12  # of an outline: a person of the smallest height is two dozen pixels
 MIN_FILLED = 0.15  # of its box: a line of noise is less
 UNSEEN_STD = 0.07  # of the height: statures differ by 5 %, where feet are by a little more
-LESSON_S = 0.8  # shadows change with the sun; learning from every frame buys nothing
 BoxArray = npt.NDArray[np.intp]
 
 
@@ -43,6 +43,7 @@ class Foreground(NamedTuple):
     raw: Image  # the same with shadows
     differs: Image  # grey levels
     occupied: Image  # 255 where anything is that the background must not learn
+    outlined: list[Box]  # x0, y0, x1, y1 of what is connected, shadows too
 
 
 class Silhouettes(NamedTuple):
@@ -68,7 +69,7 @@ class MotionDetector:
         self._background = Background(soft) if soft else None
         self._people = PersonScale()
         self._shadow = ShadowLight()
-        self._lesson_s = -np.inf
+        self._ghosts = Ghosts()
 
     def learn(self, pictures: Sequence[Picture]) -> None:
         """Learn background, light and people from pictures spread over time, of the commonest size."""
@@ -104,13 +105,23 @@ class MotionDetector:
         seen = self._foreground(image, reference)
         found = self._silhouettes(seen)
         self._teach(found, seen)
-        background.follow(image, seen.occupied, frame.capture_time_ns / 1e9)
+        time_s = frame.capture_time_ns / 1e9
+        if background.follow(image, seen.occupied, time_s):
+            self._follow(seen, image, reference, time_s)
 
-        def unshaded(box: tuple[int, int, int, int]) -> Image:
+        def unshaded(box: Box) -> Image:
             x0, y0, x1, y1 = box
             return self._shadow.unshaded(image[y0:y1, x0:x1], reference[y0:y1, x0:x1])
 
         return self._tighten(found, seen, picture, unshaded)
+
+    def _follow(self, seen: Foreground, image: Image, reference: Image, time_s: float) -> None:
+        """Follow what changes slowly: the light in shadows, and holes in the background."""
+        assert self._background is not None  # noqa: S101  (narrowing)
+        self._shadow.learn(cv2.divide(image, reference, scale=UNIT), seen.raw, seen.outlined)
+        self._shadow.maybe_fit()
+        for hole in self._ghosts.find(seen.outlined, image, reference, seen.raw, time_s):
+            self._background.take(image, hole)
 
     def _foreground(self, image: Image, reference: Image) -> Foreground:
         """Return where bodies are, how they differ, and where anything is."""
@@ -118,13 +129,14 @@ class MotionDetector:
         differs = difference(image, reference)
         raw = _joined(self._background.foreground(differs))
         mask, occupied = raw.copy(), raw.copy()
-        for x0, y0, x1, y1 in _outlined(raw):
+        outlined = _outlined(raw)
+        for x0, y0, x1, y1 in outlined:
             cv2.rectangle(occupied, (x0, y0), (x1 - 1, y1 - 1), (255,), cv2.FILLED)
             part = slice(y0, y1), slice(x0, x1)
             shade = self._shadow.find(cv2.divide(image[part], reference[part], scale=UNIT))
             if shade is not None:
                 cv2.subtract(mask[part], shade, dst=mask[part])
-        return Foreground(mask, raw, differs, occupied)
+        return Foreground(mask, raw, differs, occupied, outlined)
 
     def _silhouettes(self, seen: Foreground) -> Silhouettes:
         """Return what is connected, or belongs together, one person each."""
@@ -184,7 +196,7 @@ def _joined(mask: Image) -> Image:
     return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, _JOIN), np.uint8)
 
 
-def _outlined(mask: Image) -> list[tuple[int, int, int, int]]:
+def _outlined(mask: Image) -> list[Box]:
     """Return the boxes x0, y0, x1, y1 of what is connected and no speck."""
     # Outlines of a sparse mask are found in a quarter of the time that labelling every pixel takes.
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
@@ -198,7 +210,7 @@ def _outlined(mask: Image) -> list[tuple[int, int, int, int]]:
     return boxes
 
 
-def _score(differs: Image, mask: Image, box: tuple[int, int, int, int]) -> float:
+def _score(differs: Image, mask: Image, box: Box) -> float:
     """Return how clearly an object stands out, 0..1: its mean contrast, 64 levels being certain."""
     x0, y0, x1, y1 = box
     inside = cv2.mean(differs[y0:y1, x0:x1], mask=mask[y0:y1, x0:x1])[0]

@@ -17,7 +17,7 @@ from pipeline.picture import Image
 
 TRUNK = 0.55  # of a silhouette, from the top
 REACH = 0.25  # of its height: feet are so far from the axis, most of the time
-FARTHEST = 0.9  # of its height: what lies below is not its legs
+FARTHEST = 1.2  # of its height: what lies below is not its legs
 MIN_WIDTH = 0.04
 DOUBTFUL = 0.06  # of its height: ends that differ by more are in doubt
 BETTER = 0.06  # by how much of the height the right one must be nearer to what is expected
