@@ -19,7 +19,7 @@ from pipeline.errors import StadimeterError, UsageError
 
 if TYPE_CHECKING:
     from pipeline.calibrate.walkers import Known
-    from pipeline.config import DetectConfig, TimelineConfig
+    from pipeline.config import Config, DetectConfig, TimelineConfig
 
 DONE, FAILED, USAGE, DAMAGED = 0, 1, 2, 3
 DEFAULT_DB = Path("stadimeter.duckdb")
@@ -64,6 +64,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_calibrate(commands)
     _add_estimate(commands)
     _add_query(commands)
+    _add_merge(commands)
     _add_report(commands)
     _add_export(commands)
     _add_review(commands)
@@ -71,6 +72,26 @@ def build_parser() -> argparse.ArgumentParser:
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show tracebacks")
     return parser
+
+
+def _add_shared(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("many machines")
+    group.add_argument(
+        "--parts",
+        type=Path,
+        metavar="DIR",
+        help="write Parquet files here, which all machines see, not a database; "
+        "what is there already is not done again",
+    )
+    group.add_argument("--engine", choices=("local", "ray"), default="local")
+    group.add_argument("--address", help="a running Ray cluster (default: start a local one)")
+    group.add_argument(
+        "--split",
+        type=float,
+        default=600.0,
+        metavar="S",
+        help="cut long recordings into windows of so many seconds; 0: leave them whole",
+    )
 
 
 Commands = argparse._SubParsersAction  # the type has no public name
@@ -93,6 +114,7 @@ def _add_run(commands: Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument("--model", type=Path, metavar="FILE", help="the network of onnx")
     parser.add_argument("--model-family", metavar="NAME", help="where its outputs fit several")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
+    _add_shared(parser)
     parser.add_argument("--label", help="a name for this run, to compare it with others")
     parser.add_argument("--profile", action="store_true", help="print what each stage took")
     parser.set_defaults(function=_run)
@@ -114,6 +136,10 @@ def _run(arguments: argparse.Namespace) -> int:
         detect=_detect_config(arguments, config.detect),
         timeline=_timeline_config(config.timeline, arguments.rrd_preview, arguments.rrd_split),
     )
+    if arguments.parts is not None:
+        return _run_shared(arguments, config)
+    if arguments.engine != "local" or arguments.address is not None:
+        raise UsageError("--engine ray needs --parts DIR, a folder that all machines see")
     with progress_lines() as report:
         result = run(
             arguments.recordings,
@@ -127,6 +153,31 @@ def _run(arguments: argparse.Namespace) -> int:
     print_run(result, arguments.db)
     if arguments.profile:
         print_profile(result)
+    return _code_of(result.stored, result.failed, result.damaged)
+
+
+def _run_shared(arguments: argparse.Namespace, config: Config) -> int:
+    from pipeline.cluster.run import run_shared
+    from pipeline.console import progress_lines
+    from pipeline.summary import print_shared
+
+    if arguments.rrd is not None:
+        raise UsageError("--rrd needs a database: leave out --parts")
+    if arguments.address is not None and arguments.engine != "ray":
+        raise UsageError("--address belongs to --engine ray")
+    with progress_lines() as report:
+        result = run_shared(
+            arguments.recordings,
+            arguments.parts,
+            config,
+            engine=arguments.engine,
+            address=arguments.address,
+            workers=arguments.workers,
+            window_s=arguments.split,
+            label=arguments.label,
+            report=report,
+        )
+    print_shared(result, arguments.parts)
     return _code_of(result.stored, result.failed, result.damaged)
 
 
@@ -381,6 +432,7 @@ def _add_query(commands: Commands[argparse.ArgumentParser]) -> None:
     parser = commands.add_parser("query", help="ask the database in SQL; it cannot be changed")
     parser.add_argument("sql", nargs="?", metavar="SQL")
     _add_db(parser)
+    parser.add_argument("--parts", type=Path, metavar="DIR", help="ask a folder of `run --parts`")
     parser.add_argument("--view", metavar="NAME", help="all rows of a view or table")
     parser.add_argument("--list", action="store_true", help="tables and views, what they answer")
     form = parser.add_mutually_exclusive_group()
@@ -396,7 +448,7 @@ def _query(arguments: argparse.Namespace) -> int:
 
     if sum((arguments.sql is not None, arguments.view is not None, arguments.list)) != 1:
         raise UsageError("give one of SQL, --view NAME or --list")
-    table = answer(arguments.db, arguments.sql, arguments.view)
+    table = answer(arguments.db, arguments.sql, arguments.view, arguments.parts)
     if arguments.csv:
         write_csv(table, sys.stdout)
     elif arguments.json:
@@ -406,6 +458,22 @@ def _query(arguments: argparse.Namespace) -> int:
         out.print(f"{safe(arguments.parquet)}: {table.num_rows:,} rows")
     else:
         print_table(table)
+    return DONE
+
+
+def _add_merge(commands: Commands[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser("merge", help="make one database of a folder of `run --parts`")
+    parser.add_argument("--parts", type=Path, required=True, metavar="DIR")
+    _add_db(parser)
+    parser.set_defaults(function=_merge)
+
+
+def _merge(arguments: argparse.Namespace) -> int:
+    from pipeline.console import out, safe
+    from pipeline.store.shared import merge
+
+    count = merge(arguments.parts, arguments.db)
+    out.print(f"{safe(arguments.db)}: {count:,} recordings added", soft_wrap=True)
     return DONE
 
 

@@ -6,7 +6,7 @@ ingest -> decode (threads, ahead) -> detect -> track -> measure -> Parquet parts
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -17,13 +17,13 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.blur.measure import Blur, blur_of
-from pipeline.config import Config
+from pipeline.config import Config, Limits
 from pipeline.detect import Detector, make_detector
 from pipeline.diagnostics import Notes, diagnostics_table
 from pipeline.errors import UndecodableImage
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.lens import Lens, intrinsics_of, lens_of
-from pipeline.ingest.mcap_records import McapFile
+from pipeline.ingest.mcap_records import McapFile, Note
 from pipeline.ingest.plausible import inside_picture
 from pipeline.measure import Seen, luminance_inside, observe
 from pipeline.optics.exposure import exposure_value_100, scene_luminance_cd_m2
@@ -53,6 +53,8 @@ LEARNING_PICTURES = 25
 LEARNING_BYTES = 64 * 1024**2
 # Where neither the recording's nor the picture's size is known (nothing could be decoded).
 NO_SIZE = (0, 0)
+
+OpenFile = Callable[[Path, Limits, Note], McapFile]
 
 
 class Decoded(NamedTuple):
@@ -134,11 +136,12 @@ class FirstPass:
         threads: int,
         report: Report,
         times: StageTimes,
+        open_file: OpenFile = McapFile,
     ) -> None:
         self.path = path
         self.config = config
         self.notes = Notes()
-        self.file = McapFile(path, config.limits, self.notes.add)
+        self.file = open_file(path, config.limits, self.notes.add)
         self.assembler = FrameAssembler(self.file, config.ingest, self.notes, config.camera)
         self.stages: dict[str, CameraStage] = {}
         self.batch: list[Kept] = []
@@ -432,6 +435,7 @@ def measure_recording(
     threads: int = 2,
     report: Report = silent,
     times: StageTimes | None = None,
+    open_file: OpenFile = McapFile,
 ) -> RecordingRow:
     """Run pass 1 over a recording; its tables are written to the folder `parts`.
 
@@ -442,12 +446,13 @@ def measure_recording(
         threads: how many decode pictures.
         report: is told how far it is.
         times: is added to, stage by stage.
+        open_file: gives the messages; a part of them, for one.
 
     Raises:
         NotARecording: the file is empty, or is no MCAP.
     """
     times = StageTimes() if times is None else times
-    return FirstPass(path, config, parts, threads, report, times).run()
+    return FirstPass(path, config, parts, threads, report, times, open_file).run()
 
 
 def _with_light(rows: list[dict[str, object]]) -> pa.Table:

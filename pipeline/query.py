@@ -13,16 +13,22 @@ import pyarrow.parquet
 
 from pipeline.errors import UsageError, Where
 from pipeline.store.database import Store
+from pipeline.store.shared import open_shared
 
 
-def answer(database: Path, sql: str | None, view: str | None) -> pa.Table:
+def answer(
+    database: Path, sql: str | None, view: str | None, parts: Path | None = None
+) -> pa.Table:
     """Return the result of a statement, all rows of a view, or, without either, the catalogue.
+
+    Asks the database, or, where it is given, a folder of finished recordings.
 
     Raises:
         StoreError: the database cannot be opened.
         UsageError: DuckDB does not accept the statement, or there is no such view.
     """
-    with Store.open(database, read_only=True) as store:
+    opened = Store.open(database, read_only=True) if parts is None else open_shared(parts)
+    with opened as store:
         if sql is not None:
             return store.query(sql)
         catalog = store.catalog()
@@ -32,7 +38,7 @@ def answer(database: Path, sql: str | None, view: str | None) -> pa.Table:
         if name not in set(catalog["name"].to_pylist()):
             raise UsageError(
                 f"there is no view or table {view!r}",
-                where=Where(database),
+                where=Where(store.path),
                 remedy="`stadimeter query --list` shows them",
             )
         return store.query(f"FROM {name}")  # one of the catalogue's own names

@@ -16,6 +16,7 @@ from pipeline.store.database import Store
 
 if TYPE_CHECKING:
     from pipeline.calibration_run import FittedToTruth
+    from pipeline.cluster.run import SharedResult
 
 MAX_SHOWN = 10  # losses; the others are in the table `diagnostics`
 
@@ -64,6 +65,23 @@ def print_profile(result: RunResult) -> None:
             )
         title = f"Stages of {outcome.path.name}: {frames:,} frames, mostly {times.slowest}"
         print_rows(title, ("stage", "ms a frame", "of a processor", "s in all"), rows)
+
+
+def print_shared(result: SharedResult, folder: Path) -> None:
+    """Print what became of each recording of a run into a folder."""
+    rows = []
+    for state, found in (("was there", result.there), ("", result.made)):
+        for one in found:
+            manifest = one.manifest
+            assert manifest is not None  # noqa: S101  (narrowing)
+            lost = f"{manifest.frames_lost:,}" if manifest.frames_lost else ""
+            remark = ", ".join(t for t in (state, "damaged" if manifest.damaged else "") if t)
+            rows.append([one.path.name, f"{manifest.frame_count:,}", lost, remark])
+    if rows:
+        print_rows("Recordings", ("file", "frames", "lost", ""), rows)
+    for one in result.failed:
+        err.print(f"stadimeter: {safe(one.error)}", soft_wrap=True)
+    out.print(f"parts  {safe(folder)}", soft_wrap=True)
 
 
 def print_damage(store: Store, run_id: str) -> None:

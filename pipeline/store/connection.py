@@ -17,7 +17,7 @@ from pipeline.store.schema import SCHEMA_VERSION
 # A run's memory is to stay flat: what does not fit (the sorting of a day's rows) goes to disk, in a
 # folder beside the database. Readers take what they need.
 WRITING_MEMORY = "256MB"
-_CONFIG = {
+CONFIG = {
     "autoinstall_known_extensions": "false",
     "autoload_known_extensions": "false",
     "enable_external_access": "false",
@@ -38,7 +38,7 @@ def connect(path: Path, *, read_only: bool) -> duckdb.DuckDBPyConnection:
     try:
         if not read_only:
             path.parent.mkdir(parents=True, exist_ok=True)
-        config = _CONFIG if read_only else _CONFIG | {"memory_limit": WRITING_MEMORY}
+        config = CONFIG if read_only else CONFIG | {"memory_limit": WRITING_MEMORY}
         connection = duckdb.connect(str(path), read_only=read_only, config=config)
     except (duckdb.Error, OSError) as error:
         raise _explained(str(error), where) from error

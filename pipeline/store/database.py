@@ -51,6 +51,14 @@ _ORDER = {
     "observation_quality": "observation_index",
 }
 
+# A transaction that is read-only does not keep these from the disk, where files may be reached at all.
+_WRITING_FILES = (
+    duckdb.StatementType.ATTACH,
+    duckdb.StatementType.COPY,
+    duckdb.StatementType.COPY_DATABASE,
+    duckdb.StatementType.EXPORT,
+)
+
 
 @dataclass(frozen=True, slots=True)
 class RecordingRow:
@@ -141,10 +149,16 @@ class Store:
             self._in_transaction = False
 
     def start_run(
-        self, command: str, label: str | None, configuration: str, libraries: str, version: str
+        self,
+        command: str,
+        label: str | None,
+        configuration: str,
+        libraries: str,
+        version: str,
+        run_id: str | None = None,
     ) -> str:
-        """Enter a run, and return its name."""
-        run_id = uuid.uuid4().hex[:12]
+        """Enter a run, and return its name, a new one if none is given."""
+        run_id = run_id or new_run_id()
         with self.transaction():
             self._connection.execute(
                 "INSERT INTO runs BY NAME SELECT ? AS run_id, ? AS command, ? AS label, "
@@ -168,8 +182,7 @@ class Store:
         """
         recording_id = recording.recording_id
         self._refuse_collision(recording)
-        for table in RECORDING_TABLES:
-            self._connection.execute(f"DELETE FROM {table} WHERE recording_id = ?", [recording_id])
+        self.forget(recording_id)
         self._connection.execute(
             "INSERT INTO recordings BY NAME SELECT ? AS recording_id, ? AS content_sha256, "
             "? AS file_name, ? AS path, ? AS size_bytes, ? AS start_time_ns, ? AS end_time_ns, "
@@ -195,6 +208,45 @@ class Store:
             [recording_id],
         )
         return recording_id
+
+    def forget(self, recording_id: str) -> None:
+        """Delete all rows of a recording; call inside a transaction."""
+        for table in RECORDING_TABLES:
+            self._connection.execute(f"DELETE FROM {table} WHERE recording_id = ?", [recording_id])
+
+    @contextmanager
+    def rows(self, table: str) -> Iterator[pa.RecordBatchReader]:
+        """Give all rows of a table, a batch at a time, as they lie."""
+        cursor = self._connection.cursor()
+        try:
+            yield cursor.sql(f"FROM {table}").to_arrow_reader()
+        finally:
+            cursor.close()
+
+    def take(self, table: str, rows: Dataset) -> None:
+        """Add rows as `rows` gave them; what several recordings bring, once. Inside a transaction."""
+        only_new = {"runs": ("run_id",), "calibrations": ("run_id", "calibration_id")}.get(table)
+        source = "FROM incoming"
+        if only_new:
+            key = ", ".join(only_new)
+            source += f" ANTI JOIN (SELECT {key} FROM {table}) USING ({key})"
+        with self._incoming("incoming", rows):
+            self._connection.execute(f"INSERT INTO {table} BY NAME {source}")
+
+    def has_run_of(self, recording_id: str, run_id: str) -> bool:
+        """Whether the rows of a recording are those that a run made."""
+        found = self._connection.execute(
+            "SELECT 1 FROM recordings WHERE recording_id = ? AND run_id = ?", [recording_id, run_id]
+        ).fetchone()
+        return found is not None
+
+    def has_failure_of(self, file_name: str, run_id: str) -> bool:
+        """Whether a run has said that a file is no recording."""
+        found = self._connection.execute(
+            "SELECT 1 FROM diagnostics WHERE recording_id IS NULL AND file_name = ? AND run_id = ?",
+            [file_name, run_id],
+        ).fetchone()
+        return found is not None
 
     def _refuse_collision(self, recording: RecordingRow) -> None:
         other = self._connection.execute(
@@ -352,8 +404,11 @@ class Store:
         """
         cursor = self._connection.cursor()
         try:
-            if len(cursor.extract_statements(sql)) != 1:
+            statements = cursor.extract_statements(sql)
+            if len(statements) != 1:
                 raise UsageError("one SQL statement is needed", remedy="Run them one by one")
+            if statements[0].type in _WRITING_FILES:
+                raise UsageError("a question writes no file", remedy="`--parquet FILE` does")
             cursor.execute("BEGIN TRANSACTION READ ONLY")
             values = dict(parameters) if isinstance(parameters, Mapping) else list(parameters)
             relation = cursor.sql(sql, params=values or None)
@@ -375,6 +430,11 @@ class Store:
         """Return name and comment of tables, views and table macros."""
         found = self.views()
         return pa.table({"name": [v.name for v in found], "comment": [v.comment for v in found]})
+
+
+def new_run_id() -> str:
+    """Return a name that no other run has."""
+    return uuid.uuid4().hex[:12]
 
 
 def _part(folder: Path, table: str) -> Dataset:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Callable
 from graphlib import TopologicalSorter
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -21,18 +22,26 @@ COMMENT ON COLUMN schema_version.sql_sha256 IS 'Hash of the SQL that made the ta
 """
 
 
-def apply_schema(connection: duckdb.DuckDBPyConnection) -> None:
-    """Create what is missing of the tables, and functions and views anew if their text differs."""
+def apply_schema(
+    connection: duckdb.DuckDBPyConnection, replace_tables: Callable[[], None] = lambda: None
+) -> None:
+    """Create what is missing of the tables, and functions and views anew if their text differs.
+
+    Before there are views, `replace_tables` may put something else in the place of tables.
+    """
     sql = files("schemas") / "sql"
-    scripts = [(sql / "tables.sql").read_text(), (sql / "functions.sql").read_text()]
-    scripts += [script for _, script in view_scripts()]
-    digest = hashlib.sha256("\n".join([_VERSION_TABLE, *scripts]).encode()).hexdigest()
+    tables = (sql / "tables.sql").read_text()
+    scripts = [(sql / "functions.sql").read_text()] + [script for _, script in view_scripts()]
+    text = "\n".join([_VERSION_TABLE, tables, *scripts])
+    digest = hashlib.sha256(text.encode()).hexdigest()
     connection.execute(_VERSION_TABLE)
     if connection.execute("SELECT sql_sha256 FROM schema_version").fetchone() == (digest,):
         return
+    connection.execute(tables)
+    replace_tables()
     for script in scripts:
         connection.execute(script)
-    _comment_view_columns(connection)
+    _comment_view_columns(connection, re.findall(r"CREATE TABLE IF NOT EXISTS (\w+)", tables))
     connection.execute("DELETE FROM schema_version")
     connection.execute("INSERT INTO schema_version VALUES (?, ?)", [SCHEMA_VERSION, digest])
 
@@ -58,7 +67,7 @@ def _mentioned(script: str) -> set[str]:
     return set(re.findall(r"\b(?:main|accuracy|paper)\.\w+", code))
 
 
-def _comment_view_columns(connection: duckdb.DuckDBPyConnection) -> None:
+def _comment_view_columns(connection: duckdb.DuckDBPyConnection, tables: list[str]) -> None:
     """Give columns of views that have no comment the comment of their name.
 
     One name is one thing everywhere, so its explanation is written once: at a table's column, or in
@@ -71,19 +80,20 @@ def _comment_view_columns(connection: duckdb.DuckDBPyConnection) -> None:
             FROM duckdb_columns()
             WHERE NOT internal
         ),
-        tables AS (SELECT schema_name, table_name FROM duckdb_tables()),
         meanings AS (
             SELECT column_name, meaning FROM main.glossary
             UNION ALL
             SELECT column_name, first(comment ORDER BY table_name)
-            FROM columns SEMI JOIN tables USING (schema_name, table_name)
-            WHERE column_name NOT IN (SELECT column_name FROM main.glossary)
+            FROM columns
+            WHERE schema_name = 'main' AND list_contains(?, table_name)
+                AND column_name NOT IN (SELECT column_name FROM main.glossary)
             GROUP BY column_name
         )
         SELECT schema_name, table_name, column_name, meaning
         FROM columns JOIN meanings USING (column_name)
         WHERE comment IS NULL
-        """
+        """,
+        [tables],
     ).fetchall()
     for schema, view, column, meaning in bare:
         text = meaning.replace("'", "''")  # our own text: DDL takes no parameters

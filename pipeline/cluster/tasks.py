@@ -1,0 +1,220 @@
+"""What one task does: a recording, or one window of a long one, or the putting together of windows.
+
+Each is a plain function, so that any engine can run it anywhere that sees the recordings and the folder.
+It may be begun again at any moment: its files have new names, or are replaced whole, and its result
+counts from the moment when its manifest is there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import tempfile
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+
+from pipeline import __version__
+from pipeline.cluster.split import Plan, Window, WindowFile, plan_windows
+from pipeline.cluster.stitch import stitch
+from pipeline.config import Config
+from pipeline.errors import StadimeterError
+from pipeline.first_pass import measure_recording
+from pipeline.records import Diagnostic, Severity
+from pipeline.second_pass import estimate_recording
+from pipeline.store.database import RecordingRow, Store
+from pipeline.store.manifest import (
+    Manifest,
+    Source,
+    key_of_failure,
+    new_parts_folder,
+    write_manifest,
+)
+from pipeline.store.shared import export
+
+_DONE = "window.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What all tasks of a start have in common."""
+
+    folder: Path
+    config: Config
+    run_id: str
+    label: str | None
+    configuration: str
+    libraries: str
+    window_s: float
+
+    @property
+    def configuration_sha256(self) -> str:
+        """What a finished recording must have been made with."""
+        return hashlib.sha256(self.configuration.encode()).hexdigest()
+
+    @property
+    def answer_key(self) -> str:
+        """A short name of configuration and version, for what is left half done."""
+        text = f"{self.configuration_sha256} {__version__} {self.window_s}"
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def work(path: Path, run: Run) -> Manifest | Plan:
+    """Measure and estimate a recording, or say how to cut it if it is long."""
+    try:
+        plan = plan_windows(path, run.config, run.window_s)
+        return plan if plan is not None else _whole(path, run)
+    except (StadimeterError, OSError) as error:
+        return _failed(path, run, error)
+
+
+def _whole(path: Path, run: Run) -> Manifest:
+    source = Source.of(path)
+    with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
+        row = measure_recording(path, run.config, Path(name), threads=1)
+        return _finish(row, source, Path(name), run)
+
+
+def window_folder(plan: Plan, window: Window, run: Run) -> Path:
+    """Return where the parts of a window are left, until the recording is whole."""
+    key = f"{plan.content_sha256[:16]}-{run.answer_key}"
+    return run.folder / "work" / key / f"{window.number:04d}"
+
+
+def work_window(path: Path, run: Run, plan: Plan, window: Window) -> StadimeterError | None:
+    """Measure one window of a recording, unless that is done; return what went wrong."""
+    target = window_folder(plan, window, run)
+    if (target / _DONE).is_file():
+        return None
+    part = target.with_name(f".{target.name}.{uuid.uuid4().hex[:8]}")
+    opened = partial(WindowFile, window=window, sha256=plan.content_sha256)
+    try:
+        row = measure_recording(path, run.config, part, threads=1, open_file=opened)
+        known = asdict(row) | {"path": str(row.path)}
+        (part / _DONE).write_text(json.dumps(known), encoding="utf-8")
+        if not target.exists():  # by a task that was thought to be dead
+            part.rename(target)
+    except StadimeterError as error:
+        return error
+    except OSError as error:
+        return StadimeterError(f"{path} cannot be read: {error.strerror or error}")
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return None
+
+
+def join(path: Path, run: Run, plan: Plan) -> Manifest:
+    """Put the windows of a recording together, and estimate it."""
+    folders = [window_folder(plan, window, run) for window in plan.windows]
+    try:
+        source = Source.of(path)
+        rows = [_row_of(folder) for folder in folders]
+        with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
+            stitch(folders, plan.windows, Path(name), run.config.track)
+            row = _summed(rows, Path(name), path)
+            manifest = _finish(row, source, Path(name), run)
+    except (StadimeterError, OSError) as error:
+        return _failed(path, run, error)
+    shutil.rmtree(folders[0].parent, ignore_errors=True)
+    return manifest
+
+
+def _row_of(folder: Path) -> RecordingRow:
+    known = json.loads((folder / _DONE).read_text(encoding="utf-8"))
+    return RecordingRow(**known | {"path": Path(known["path"])})
+
+
+def _summed(rows: list[RecordingRow], parts: Path, path: Path) -> RecordingRow:
+    """Return what is known of the whole; frames are counted where they count."""
+    import pyarrow.compute as pc
+    import pyarrow.parquet as pq
+
+    frames = pq.read_table(parts / "frames.parquet", columns=["log_time_ns", "decoded"])
+    span = pc.min_max(frames["log_time_ns"])
+    return replace(
+        rows[0],
+        path=path,
+        start_time_ns=span["min"].as_py(),
+        end_time_ns=span["max"].as_py(),
+        frame_count=frames.num_rows,
+        frames_lost=frames.num_rows - pc.sum(frames["decoded"]).as_py() if len(frames) else 0,
+        damaged=any(row.damaged for row in rows),
+    )
+
+
+def _finish(row: RecordingRow, source: Source, parts: Path, run: Run) -> Manifest:
+    """Let a database of its own take in and estimate the recording, as that of a run would."""
+    with _own_store(run) as store:
+        with store.transaction():
+            key = store.ingest(row, parts, run.run_id)
+            estimate_recording(store, key, run.run_id, row.path.name, run.config)
+        return _publish(store, key, source, run, row, None)
+
+
+def _failed(path: Path, run: Run, error: StadimeterError | OSError) -> Manifest:
+    """Leave the reason why a recording cannot be read."""
+    problem = str(error)
+    if isinstance(error, OSError):
+        problem = f"{path} cannot be read: {error.strerror or error}"
+    try:
+        source = Source.of(path)
+    except OSError:
+        source = Source(str(path.absolute()), 0, 0)
+    note = Diagnostic(Severity.ERROR, "unreadable_file", problem)
+    with _own_store(run) as store:
+        with store.transaction():
+            store.add_diagnostics([note], None, run.run_id, path.name)
+        return _publish(store, key_of_failure(source), source, run, None, problem)
+
+
+def _publish(
+    store: Store,
+    key: str,
+    source: Source,
+    run: Run,
+    row: RecordingRow | None,
+    failure: str | None,
+) -> Manifest:
+    store.finish_run(run.run_id)
+    target = new_parts_folder(run.folder, key)
+    manifest = Manifest(
+        key=key,
+        source=source,
+        content_sha256=row.content_sha256 if row else None,
+        configuration_sha256=run.configuration_sha256,
+        software_version=__version__,
+        run_id=run.run_id,
+        frame_count=row.frame_count if row else 0,
+        frames_lost=row.frames_lost if row else 0,
+        damaged=row.damaged if row else False,
+        failure=failure,
+        parts=export(store, target, run.folder),
+    )
+    write_manifest(run.folder, manifest)
+    return manifest
+
+
+@contextmanager
+def _own_store(run: Run) -> Iterator[Store]:
+    """Give an empty database that is gone afterwards, with the run's row."""
+    with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
+        path = Path(name) / "one.duckdb"
+        path.write_bytes(_empty_database())
+        with Store.open(path) as store:
+            store.start_run(
+                "run", run.label, run.configuration, run.libraries, __version__, run.run_id
+            )
+            yield store
+
+
+@cache
+def _empty_database() -> bytes:
+    """Return a database without rows; to make one takes longer than to copy it."""
+    with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
+        path = Path(name) / "empty.duckdb"
+        Store.open(path).__exit__(None, None, None)
+        return path.read_bytes()
