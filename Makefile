@@ -1,13 +1,14 @@
 # make demo    set everything up and run the main job on the recordings in recordings/
 # make test    set everything up and run the tests
 # make lint    the linters and the type checker
+# make fuzz    hostile bytes into the readers, at least 100,000
 # make bench   speed and accuracy, as ratios in one run
 # make pictures   the pictures of the documentation, from what make demo left
 # make lock    bring requirements*.lock up to date with pyproject.toml
 # make proto   generate schemas/stadimeter_pb2.py from schemas/stadimeter.proto
 
 .DELETE_ON_ERROR:
-.PHONY: demo test lint format bench pictures lock proto clean
+.PHONY: demo test lint format bench pictures fuzz lock proto clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -38,6 +39,11 @@ bench: $(VENV)/.ready-dev
 pictures: $(VENV)/.ready
 	$(BIN)/python -m dashboards.pictures out/demo docs
 
+# atheris has wheels for Linux; elsewhere, or for a Python without one, inputs are mutated only.
+fuzz: $(VENV)/.ready-dev
+	-$(PIP) install --require-hashes --only-binary :all: -r requirements-fuzz.lock
+	$(BIN)/python -m fuzz $(FUZZ)
+
 $(VENV)/.python:
 	@test -n "$(PYTHON)" || { echo "stadimeter needs Python 3.11 or newer with venv and pip" \
 		"(Debian: apt install python3-venv)." >&2; exit 1; }
@@ -59,6 +65,9 @@ LOCK := uv pip compile pyproject.toml requirements-build.in --extra report --uni
 lock:
 	$(LOCK) --output-file requirements.lock
 	$(LOCK) --group dev --constraint requirements.lock --output-file requirements-dev.lock
+	uv pip compile --group fuzz --universal --python-version 3.11 \
+		--generate-hashes --no-header --no-annotate --no-emit-index-url --quiet \
+		--output-file requirements-fuzz.lock
 
 # Needs `grpcio-tools` in the Python that runs it.
 proto:

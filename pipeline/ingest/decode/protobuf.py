@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
 from typing import Any
 
@@ -43,18 +44,13 @@ def class_in_schema(full_name: str, schema: bytes) -> type[Message]:
     """
     pool = DescriptorPool()
     try:
-        waiting = list(FileDescriptorSet.FromString(schema).file)
-        while waiting:
-            known = {file.name for file in waiting}
-            ready = [f for f in waiting if not known & set(f.dependency)]
-            if not ready:
-                raise UndecodableMessage("the schema's files depend on each other in a circle")
-            for file in ready:
-                pool.Add(file)
-            waiting = [f for f in waiting if f not in ready]
+        files = {file.name: file for file in FileDescriptorSet.FromString(schema).file}
+        graph = {name: [d for d in file.dependency if d in files] for name, file in files.items()}
+        for name in TopologicalSorter(graph).static_order():
+            pool.Add(files[name])
         return GetMessageClass(pool.FindMessageTypeByName(full_name))
-    except UndecodableMessage:
-        raise
+    except CycleError as error:
+        raise UndecodableMessage("the schema's files depend on each other in a circle") from error
     except (DecodeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UndecodableMessage(f"the schema of {full_name!r} cannot be used: {error}") from error
 
