@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline import __version__
-from pipeline.errors import StadimeterError, UsageError
+from pipeline.errors import StadimeterError, UsageError, Where
 
 if TYPE_CHECKING:
     from pipeline.calibrate.walkers import Known
@@ -217,7 +217,6 @@ def _add_inspect(commands: Commands[argparse.ArgumentParser]) -> None:
 
 def _inspect(arguments: argparse.Namespace) -> int:
     from pipeline.config import load_config
-    from pipeline.errors import Where
     from pipeline.ingest.survey import survey
     from pipeline.summary import print_survey
 
@@ -229,11 +228,27 @@ def _inspect(arguments: argparse.Namespace) -> int:
 
 
 def _add_import(commands: Commands[argparse.ArgumentParser]) -> None:
-    parser = commands.add_parser("import", help="make a recording of a video")
-    parser.add_argument("video", type=Path, metavar="VIDEO")
+    parser = commands.add_parser("import", help="make a recording of a video, or of photos")
+    parser.add_argument(
+        "sources",
+        nargs="+",
+        type=Path,
+        metavar="VIDEO|PHOTOS",
+        help="a video, or photos and folders of them (lens data and times from their EXIF)",
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="MCAP")
     parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file with lens data")
-    parser.add_argument("--name", help="name of the camera (default: the only one in the file)")
+    parser.add_argument(
+        "--name",
+        help="name of the camera (default: of a video the only one in the camera file, of photos "
+        "their make and model)",
+    )
+    parser.add_argument(
+        "--utc-offset",
+        default="+00:00",
+        metavar="+HH:MM",
+        help="of photos whose EXIF states no time zone (default: UTC)",
+    )
     parser.add_argument(
         "--start-time",
         metavar="ISO",
@@ -250,9 +265,18 @@ def _add_import(commands: Commands[argparse.ArgumentParser]) -> None:
 def _import(arguments: argparse.Namespace) -> int:
     from pipeline.config import load_config
     from pipeline.console import out, progress_lines, safe
+    from pipeline.ingest.photos import are_photos
     from pipeline.ingest.video import VideoImport, import_video
     from pipeline.progress import Progress
 
+    for source in arguments.sources:
+        if not source.exists():
+            raise UsageError("there is no such file", where=Where(source))
+    if are_photos(arguments.sources):
+        return _import_photos(arguments)
+    if len(arguments.sources) > 1:
+        raise UsageError("one video at a time, or photos and folders of them")
+    arguments.video = arguments.sources[0]
     if not 1 <= arguments.quality <= 100 or not 0 < arguments.scale <= 1:
         raise UsageError("--quality must be 1 to 100, and --scale above 0 and at most 1")
     config = load_config(arguments.camera)
@@ -276,6 +300,28 @@ def _import(arguments: argparse.Namespace) -> int:
         )
     size_mb = arguments.output.stat().st_size / 1e6
     out.print(f"{safe(arguments.output)}: {frames:,} frames, {size_mb:.1f} MB, camera {safe(name)}")
+    return DONE
+
+
+def _import_photos(arguments: argparse.Namespace) -> int:
+    from pipeline.config import load_config
+    from pipeline.console import out, progress_lines, safe
+    from pipeline.ingest.photos import PhotoImport, import_photos, zone_of
+    from pipeline.progress import Progress
+
+    options = PhotoImport(camera=arguments.name, zone=zone_of(arguments.utc_offset))
+    with progress_lines() as report:
+        done = import_photos(
+            arguments.sources,
+            arguments.output,
+            options,
+            load_config(arguments.camera),
+            lambda count: report(Progress(arguments.sources[0].name, "import", count, 0.0)),
+        )
+    for camera, count in done.counts.items():
+        out.print(f"{safe(arguments.output)}: {count:,} photos of camera {safe(camera)}")
+    for remark in done.remarks:
+        out.print(safe(remark), style="yellow", soft_wrap=True)
     return DONE
 
 
