@@ -1,6 +1,6 @@
 """Pass 1: the pixels of one recording, touched once. Out come columns; no picture is needed again.
 
-ingest -> decode (threads, ahead) -> detect -> track -> measure -> Parquet parts
+ingest (a thread, ahead) -> decode (threads, ahead) -> detect -> track -> measure -> Parquet parts
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pyarrow as pa
 
+from pipeline.ahead import ahead
 from pipeline.blur.measure import Blur, blur_of
 from pipeline.config import Config, Limits
 from pipeline.detect import Detector, make_detector
@@ -39,7 +40,7 @@ from pipeline.records import (
     Intrinsics,
     Severity,
 )
-from pipeline.stages import Spent, StageTimes, Stopwatch
+from pipeline.stages import NOTHING, Spent, StageTimes, Stopwatch
 from pipeline.store.database import RecordingRow
 from pipeline.store.parts import PartWriter, as_table
 from pipeline.track import Tracker
@@ -47,6 +48,8 @@ from pipeline.track import Tracker
 # Frames whose rows are gathered before they are written: large enough for columns to pay, small
 # enough to be nothing in memory.
 BATCH_FRAMES = 256
+# Frames that are read before they are asked for: one chunk of the file gives several at once.
+READ_AHEAD_FRAMES = 4
 # The detector learns from this many pictures, spread over its learning time, during which frames
 # wait, still encoded, in at most this much memory.
 LEARNING_PICTURES = 25
@@ -154,6 +157,7 @@ class FirstPass:
         self.parts_folder = parts
         self.report = report
         self.times = times
+        times.add("read", NOTHING)  # before two threads add to them
         times.threads["decode"] = times.threads["blur"] = threads
 
     def run(self) -> RecordingRow:
@@ -195,12 +199,16 @@ class FirstPass:
                 item = Decoded(replace(frame, detections=inside), picture)
         return self.stages[frame.camera].follow(item, self.times)
 
+    def _read(self) -> Iterator[tuple[Frame, bool]]:
+        """Yield frames, and whether their camera's detections were seen by then."""
+        for frame in self.times.each("read", self.assembler):
+            yield frame, self.assembler.has_detections(frame.camera)
+
     def _frames(self, pool: Executor) -> Iterator[Frame]:
         """Yield frames whose camera's detector is ready for them."""
-        for frame in self.times.each("read", self.assembler):
+        for frame, recorded in ahead(self._read(), READ_AHEAD_FRAMES):
             stage = self.stages.get(frame.camera)
             if stage is None:
-                recorded = self.assembler.has_detections(frame.camera)
                 stage = CameraStage(self.config, frame.camera, frame.topic, recorded=recorded)
                 self.stages[frame.camera] = stage
             yield from self._taught(stage, stage.ready(frame), pool)
@@ -271,17 +279,18 @@ class FirstPass:
     def _keep(self, seen: Seen, pool: Executor) -> Kept:
         """Take from a picture what needs its pixels, and let them go."""
         with self.times.stage("measure"):
-            row = self._frame_row(seen)
-            return Kept(seen.without_pixels(), row, pool.submit(self._blur, seen))
+            lens = self._lens(seen.frame, seen.picture)
+            row = self._frame_row(seen, lens)
+            return Kept(seen.without_pixels(), row, pool.submit(self._blur, seen, lens))
 
-    def _blur(self, seen: Seen) -> tuple[Blur, Spent]:
+    def _blur(self, seen: Seen, lens: Lens) -> tuple[Blur, Spent]:
         """Measure how blurred the boxes of a frame are, where its lens data say that it can tell."""
         frame, picture = seen.frame, seen.picture
         with Stopwatch() as watch:
             blur = blur_of(
                 picture,
                 seen.boxes,
-                self._lens(frame, picture),
+                lens,
                 self.config,
                 frame.camera,
                 lambda: self._decode(frame, whole=True).picture,
@@ -321,11 +330,10 @@ class FirstPass:
         self.start_time_ns, self.end_time_ns = min(times_ns + known), max(times_ns + known)
         self.frame_count += len(batch)
 
-    def _frame_row(self, seen: Seen) -> dict[str, object]:
+    def _frame_row(self, seen: Seen, lens: Lens) -> dict[str, object]:
         frame, picture, exposure = seen.frame, seen.picture, seen.frame.exposure
         stage = self.stages[frame.camera]
         size_px = (picture.width_px, picture.height_px) if picture else stage.size_px
-        lens = self._lens(frame, picture)
         if picture is not None:
             self._learn_intrinsics(stage, frame, lens, size_px)
         return {

@@ -69,7 +69,7 @@ class _Stage(Stopwatch):
 
 @dataclass(slots=True)
 class StageTimes:
-    """What the stages of one recording have taken so far; to be added to by one thread only."""
+    """What the stages of one recording have taken so far; each is added to by one thread only."""
 
     spent: dict[str, Spent] = field(default_factory=dict)  # in the order of their first use
     threads: dict[str, int] = field(default_factory=dict)  # of stages that run in several
