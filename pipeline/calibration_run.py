@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import __version__
+from pipeline.calibrate.blur_floor import BlurFloor, calibrate_blur_floor, combined
 from pipeline.calibrate.camera_file import write_camera_file
 from pipeline.calibrate.from_truth import (
     calibrate_from_truth,
@@ -141,6 +142,45 @@ def calibrate_stored_walkers(
     if cameras:
         write_camera_file(camera_file, replace(config, camera=tuple(cameras)))
     return results
+
+
+def calibrate_stored_blur(
+    database: Path, camera_file: Path, config: Config
+) -> list[tuple[str, BlurFloor | CalibrationUndetermined]]:
+    """Find how soft every camera is by itself, all its recordings taken together; write what was found.
+
+    Raises:
+        StoreError: the database does not exist.
+    """
+    found: dict[str, list[BlurFloor]] = {}
+    refused: dict[str, CalibrationUndetermined] = {}
+    with _writable(database) as store:
+        for recording_id in _recording_ids(store):
+            observations, frames, rows, matches = _tables(store, recording_id)
+            depth_m = dict(
+                zip(
+                    matches["observation_index"].to_pylist(),
+                    matches["true_depth_m"].to_pylist(),
+                    strict=True,
+                )
+            )
+            for measured in measured_by_camera(observations, frames, rows, {}):
+                index = measured.observation_index.tolist()
+                true_m = np.array([depth_m.get(i) for i in index], dtype=np.float64)
+                try:
+                    floor = calibrate_blur_floor(measured, true_m)
+                except CalibrationUndetermined as error:
+                    refused[measured.camera] = error
+                else:
+                    found.setdefault(measured.camera, []).append(floor)
+    floors = {name: combined(several) for name, several in found.items()}
+    if floors:
+        cameras = tuple(
+            CameraConfig(name, blur_floor_px=f.floor_px, blur_floor_std_px=f.std_px)
+            for name, f in floors.items()
+        )
+        write_camera_file(camera_file, replace(config, camera=cameras))
+    return [*floors.items(), *((n, e) for n, e in refused.items() if n not in floors)]
 
 
 def _check_single(known: Known, count: int) -> None:

@@ -340,7 +340,7 @@ def _start_time_ns(arguments: argparse.Namespace) -> int:
 
 def _add_calibrate(commands: Commands[argparse.ArgumentParser]) -> None:
     parser = commands.add_parser(
-        "calibrate", help="fit a camera file to truth, or to the people who walk"
+        "calibrate", help="fit a camera file to truth, to people who walk, or to blur"
     )
     parser.add_argument(
         "recordings", nargs="*", type=Path, metavar="RECORDING", help="run these first"
@@ -352,6 +352,11 @@ def _add_calibrate(commands: Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file for the run")
     parser.add_argument(
         "--walkers", action="store_true", help="find the camera's pose from people who walk"
+    )
+    parser.add_argument(
+        "--blur",
+        action="store_true",
+        help="find the camera's own softness from aperture sweeps, truth, or its sharpest objects",
     )
     parser.add_argument(
         "--method",
@@ -389,6 +394,7 @@ def _add_calibrate(commands: Commands[argparse.ArgumentParser]) -> None:
 def _calibrate(arguments: argparse.Namespace) -> int:
     from pipeline.calibration_run import (
         TruthOptions,
+        calibrate_stored_blur,
         calibrate_stored_truth,
         calibrate_stored_walkers,
     )
@@ -396,7 +402,7 @@ def _calibrate(arguments: argparse.Namespace) -> int:
     from pipeline.console import out, progress_lines, safe
     from pipeline.records import Method
     from pipeline.run import run
-    from pipeline.summary import print_calibrations, print_poses
+    from pipeline.summary import print_blur_floors, print_calibrations, print_poses
 
     if arguments.folds < 2:
         raise UsageError("--folds must be at least 2")
@@ -409,7 +415,11 @@ def _calibrate(arguments: argparse.Namespace) -> int:
             result = run(arguments.recordings, arguments.db, config, report=report)
         for outcome in result.failed:
             raise outcome.error or StadimeterError(f"{outcome.path} could not be read")
-    if arguments.walkers:
+    if arguments.walkers and arguments.blur:
+        raise UsageError("--walkers and --blur are two calibrations: one after the other")
+    if arguments.blur:
+        found = print_blur_floors(calibrate_stored_blur(arguments.db, arguments.output, config))
+    elif arguments.walkers:
         poses = calibrate_stored_walkers(arguments.db, arguments.output, config, known)
         found = print_poses(poses)
     else:

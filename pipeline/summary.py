@@ -15,6 +15,7 @@ from pipeline.run import RunResult
 from pipeline.store.database import Store
 
 if TYPE_CHECKING:
+    from pipeline.calibrate.blur_floor import BlurFloor
     from pipeline.calibration_run import FittedToTruth
     from pipeline.cluster.run import SharedResult
 
@@ -267,4 +268,21 @@ def print_poses(
     if rows:
         header = ("camera", "height m (95 %)", "tilt degrees", "roll degrees")
         print_rows("Poses from the people who walk, a recording each", header, rows)
+    return len(rows)
+
+
+def print_blur_floors(
+    results: Sequence[tuple[str, BlurFloor | CalibrationUndetermined]],
+) -> int:
+    """Print how soft each camera is by itself, or why it is not known; return how many are."""
+    rows = []
+    for camera, result in results:
+        if isinstance(result, CalibrationUndetermined):
+            err.print(f"stadimeter: {safe(camera)}: {safe(result)}", soft_wrap=True)
+            continue
+        size = f"{result.floor_px:.2f} ± {1.96 * result.std_px:.2f}"
+        rows.append([camera, size, result.source, f"{result.count:,}"])
+    if rows:
+        header = ("camera", "softness px (95 %)", "by", "observations")
+        print_rows("The cameras' own softness, without diffraction", header, rows)
     return len(rows)

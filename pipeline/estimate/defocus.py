@@ -67,7 +67,7 @@ def estimate(
     estimated = Estimated(len(m))
     if m.blur_sigma_px is None or not np.isfinite(m.blur_sigma_px).any():
         return estimated, []
-    blur = _Blur.of(geometry, config.camera_named(m.camera))
+    blur = BlurVariance.of(geometry, config.camera_named(m.camera))
     notes = []
     contradicted = _contradiction(blur, m, others)
     if contradicted:
@@ -98,7 +98,7 @@ def estimate(
     estimated.depth_m = np.where(near, sides.near_m, np.where(far, sides.far_m, np.nan))
     known = np.isfinite(estimated.depth_m)
     noise_m = estimated.depth_m**2 * vergence.noise
-    common_m = estimated.depth_m**2 * np.hypot(vergence.common, _focus_std(m.focus_distance_m))
+    common_m = estimated.depth_m**2 * np.hypot(vergence.common, focus_std_per_m(m.focus_distance_m))
     estimated.depth_std_m = np.hypot(noise_m, common_m)
     estimated.depth_common_std_m = np.where(known, common_m, 0.0)
     estimated.branch[known & near], estimated.branch[known & far] = "near", "far"
@@ -108,7 +108,7 @@ def estimate(
 
 
 @dataclass(frozen=True, slots=True)
-class _Blur:
+class BlurVariance:
     """Variances in square pixels of the stored picture, (n,) each."""
 
     variance: FloatArray
@@ -119,7 +119,8 @@ class _Blur:
     per_dioptre2: FloatArray  # what u = 1/m adds: (a v / (2 p))^2
 
     @staticmethod
-    def of(geometry: Geometry, camera: CameraConfig) -> _Blur:
+    def of(geometry: Geometry, camera: CameraConfig) -> BlurVariance:
+        """Return them for all observations of a camera; NaN where blur or lens is not known."""
         m = geometry.measured
         sigma = np.asarray(m.blur_sigma_px, dtype=np.float64)
         std = np.asarray(m.blur_std_px, dtype=np.float64)
@@ -131,7 +132,7 @@ class _Blur:
         per_um = radius_per_dioptre_um(m.focal_length_mm, m.f_number, m.focus_distance_m)
         per_px2 = (per_um / (2 * pitch_um)) ** 2
         known = np.isfinite(per_px2) & ~np.isnan(m.focus_distance_m)
-        return _Blur(
+        return BlurVariance(
             np.where(known, sigma**2, np.nan),
             2 * sigma * std,
             floor_px**2 + diffraction,
@@ -141,8 +142,9 @@ class _Blur:
             per_px2,
         )
 
-    def without(self, rows: BoolArray) -> _Blur:
-        return _Blur(
+    def without(self, rows: BoolArray) -> BlurVariance:
+        """Return the same with the blur of some observations forgotten."""
+        return BlurVariance(
             np.where(rows, np.nan, self.variance),
             self.std,
             self.floor,
@@ -152,7 +154,7 @@ class _Blur:
         )
 
 
-def _vergence(blur: _Blur, m: Measured) -> tuple[Vergence, Sweeps | None]:
+def _vergence(blur: BlurVariance, m: Measured) -> tuple[Vergence, Sweeps | None]:
     """Return u of every observation: by its own blur, or by the sweep that it belongs to."""
     floor, floor_std = blur.floor, blur.floor_std
     before = (floor - blur.diffraction, floor_std)
@@ -181,7 +183,7 @@ def _vergence(blur: _Blur, m: Measured) -> tuple[Vergence, Sweeps | None]:
 def _sides(vergence: Vergence, m: Measured) -> Sides:
     """Return the depths on both sides of the plane of focus; the far one may not exist."""
     at_focus = dioptres(m.focus_distance_m)
-    std = np.sqrt(vergence.noise**2 + vergence.common**2 + _focus_std(m.focus_distance_m) ** 2)
+    std = np.sqrt(vergence.noise**2 + vergence.common**2 + focus_std_per_m(m.focus_distance_m) ** 2)
     behind = at_focus - vergence.u
     with np.errstate(invalid="ignore", divide="ignore"):
         near_m = 1 / (at_focus + vergence.u)
@@ -189,11 +191,12 @@ def _sides(vergence: Vergence, m: Measured) -> Sides:
     return Sides(near_m, far_m, std, behind < -2 * std)
 
 
-def _focus_std(focus_distance_m: FloatArray) -> FloatArray:
+def focus_std_per_m(focus_distance_m: FloatArray) -> FloatArray:
+    """Return the standard deviation of 1 / focus distance."""
     return np.hypot(dioptres(focus_distance_m) * FOCUS_STD, FOCUS_ZERO_STD_PER_M)
 
 
-def _moving(blur: _Blur, m: Measured) -> BoolArray:
+def _moving(blur: BlurVariance, m: Measured) -> BoolArray:
     """Return which objects move so far during the exposure that it shows: L^2 / 12 of the variance.
 
     The speed in the picture is the track's, over the observations before and after.
@@ -215,7 +218,7 @@ def _moving(blur: _Blur, m: Measured) -> BoolArray:
 
 
 def _contradiction(
-    blur: _Blur, m: Measured, others: Mapping[Method, Estimated]
+    blur: BlurVariance, m: Measured, others: Mapping[Method, Estimated]
 ) -> Diagnostic | None:
     """Return a complaint where most blur of a camera is not what the stated lens gives there.
 
@@ -224,7 +227,7 @@ def _contradiction(
     """
     depth_m, std_m = surest(others, len(m))
     u = np.abs(dioptres(m.focus_distance_m) - 1 / depth_m)
-    u_std = np.hypot(std_m / depth_m**2, _focus_std(m.focus_distance_m))
+    u_std = np.hypot(std_m / depth_m**2, focus_std_per_m(m.focus_distance_m))
     expected = blur.floor + blur.per_dioptre2 * u**2
     with np.errstate(invalid="ignore", divide="ignore"):
         # Of the square root, which is even on both sides of a wide interval.

@@ -22,6 +22,8 @@ LEAST_RATIO = 1.9
 # What is believed beforehand steadies a sweep that hardly tells the floor, and gives way to one that
 # does: cameras that are softer than the default allows are why one sweeps.
 PRIOR_WIDENED = 4.0
+# The floor is the same in all parts of a picture, at all apertures and in all light only about so well.
+LEAST_STD_PX = 0.02
 # A point this far off the line is not on it, in standard deviations.
 OUTLIER = 4.0
 
@@ -70,6 +72,7 @@ def solve(
     for _ in range(3):
         found, found_std, slope, slope_std, by_floor, off = _line(g, x, y, weight, prior, prior_std)
         weight = np.where(np.abs(off) > OUTLIER, 0.0, weight)
+    found_std = float(np.hypot(found_std, 2 * np.sqrt(max(found, 0.0)) * LEAST_STD_PX))
     u2, u2_std = np.full(len(m), np.nan), np.full(len(m), np.nan)
     u2[rows] = slope[g]
     u2_std[rows] = np.hypot(slope_std[g], by_floor[g] * found_std)
