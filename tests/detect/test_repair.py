@@ -51,7 +51,7 @@ def test_what_nothing_was_taken_from_is_not_in_doubt() -> None:
 def test_who_is_hidden_from_the_waist_is_a_head_without_feet() -> None:
     mask = np.zeros((300, 300), np.uint8)
     near = person(mask, 150, 270)
-    person(mask, 178, 232)
+    person(mask, 184, 232)
     pieces = split_groups(outline(mask), mask, learned())
     assert len(pieces.boxes) == 2
     nearest = int(pieces.boxes[:, 3].argmax())
