@@ -182,18 +182,27 @@ def _bin(row: Row) -> str:
 def _rmse_by(field: str, bins: list[str], title: str, rows: list[Row], name: str) -> alt.LayerChart:
     shown = ["method", "bin", "depth_count", "track_count", "depth_rmse_m", "depth_rmse_low_m"]
     shown += ["depth_rmse_high_m", "depth_bias_m", "depth_abs_rel", "depth_coverage_95"]
-    data = alt.Data(values=rounded([{k: r[k] for k in shown} for r in rows]))
-    base = alt.Chart(data).encode(
-        alt.X(field, title=title, sort=bins, axis=alt.Axis(labelAngle=0)),
+    values = [{k: r[k] for k in shown} for r in rows]
+    rmse_m = [v["depth_rmse_m"] for v in values if v["depth_rmse_m"]]
+    # Centimetres beside metres: a linear axis would show only the metres.
+    is_wide = bool(rmse_m) and max(rmse_m) > LOG_FROM_RATIO * min(rmse_m)
+    scale = alt.Scale(type="log", nice=True) if is_wide else alt.Scale(zero=True)
+    if is_wide:
+        for value in values:
+            value["depth_rmse_low_m"] = max(value["depth_rmse_low_m"] or 0, min(rmse_m) / 2)
+    base = alt.Chart(alt.Data(values=rounded(values))).encode(
+        alt.X(field, title=title, sort=bins, axis=alt.Axis(labelAngle=0, grid=True)),
         xOffset="method:N",
         color=_colour(rows, legend=alt.Legend(orient="top")),
         tooltip=[f"{k}:{'N' if k in ('method', 'bin') else 'Q'}" for k in shown],
     )
-    bars = base.mark_bar(opacity=0.85).encode(alt.Y("depth_rmse_m:Q", title="RMSE of depth, m"))
-    rules = base.mark_rule(strokeWidth=1.5).encode(
-        alt.Y("depth_rmse_low_m:Q"), alt.Y2("depth_rmse_high_m:Q"), color=alt.value("#222222")
+    dots = base.mark_circle(size=70, opacity=1).encode(
+        alt.Y("depth_rmse_m:Q", title="RMSE of depth, m", scale=scale)
     )
-    return (bars + rules).properties(title=name, width=HALF_PX - 40, height=240)
+    rules = base.mark_rule(strokeWidth=2, opacity=0.6).encode(
+        alt.Y("depth_rmse_low_m:Q", scale=scale), alt.Y2("depth_rmse_high_m:Q")
+    )
+    return (rules + dots).properties(title=name, width=HALF_PX - 40, height=280)
 
 
 def coverage_chart(rows: list[Row]) -> alt.FacetChart:
@@ -295,7 +304,9 @@ def ground_chart(rows: list[Row], name: str) -> alt.LayerChart:
     picked = alt.selection_point(
         fields=["track"], name="track_picked", on="pointerover", nearest=True, empty=False
     )
-    base = alt.Chart(data).encode(**axes, color=alt.Color("track:N", legend=None))
+    base = alt.Chart(data).encode(
+        **axes, color=alt.Color("track:N", scale=alt.Scale(range=list(COLOURS)), legend=None)
+    )
     lines = base.mark_line(strokeWidth=1.2).encode(
         order="frame_index:Q",
         strokeWidth=alt.when(picked).then(alt.value(3)).otherwise(alt.value(1.2)),
