@@ -26,6 +26,7 @@ from pipeline.errors import CalibrationUndetermined, StoreError, UsageError, Whe
 from pipeline.estimate.combine import calibrations_table, measured_by_camera
 from pipeline.records import Calibration, GroundPlane, Method
 from pipeline.run import describe, library_versions
+from pipeline.second_pass import lines_of
 from pipeline.store.database import Store
 
 
@@ -126,11 +127,13 @@ def calibrate_stored_walkers(
         _check_single(known, len(ids))
         for recording_id in ids:
             observations, frames, rows, _ = _tables(store, recording_id)
+            edges = store.read("background_lines", recording_id)
             of_cameras = list(measured_by_camera(observations, frames, rows, {}))
             _check_single(known, len(of_cameras))
             for measured in of_cameras:
                 try:
-                    plane, _ = calibrate_from_walkers(measured, prior, known)
+                    lines_px = lines_of(edges, measured.camera)
+                    plane, _ = calibrate_from_walkers(measured, prior, known, lines_px)
                 except CalibrationUndetermined as error:
                     results.append((measured.camera, error))
                 else:

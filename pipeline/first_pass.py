@@ -26,6 +26,7 @@ from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.lens import Lens, intrinsics_of, lens_of
 from pipeline.ingest.mcap_records import McapFile, Note
 from pipeline.ingest.plausible import inside_picture
+from pipeline.lines import Backdrop
 from pipeline.measure import Seen, luminance_inside, observe
 from pipeline.optics.exposure import exposure_value_100, scene_luminance_cd_m2
 from pipeline.picture import Picture, decode
@@ -91,6 +92,7 @@ class CameraStage:
         self.settings = config.camera_named(camera)
         self.detector: Detector = make_detector(config.detect, self.settings, recorded)
         self.tracker = Tracker(config.track, camera)
+        self.backdrop = Backdrop()
         self.intrinsics: Intrinsics | None = None
         self.intrinsics_source: str | None = None
         self.size_px = NO_SIZE
@@ -121,6 +123,7 @@ class CameraStage:
         """Detect and track in one frame; frames must come in order."""
         frame, picture = item
         with times.stage("detect"):
+            self.backdrop.add(picture)
             boxes = self.detector.detect(frame, picture)
         with times.stage("track"):
             ids = self.tracker.update(frame.capture_time_ns, frame.frame_index, boxes)
@@ -172,6 +175,7 @@ class FirstPass:
             self._write_batch(parts)
             for stage in self.stages.values():
                 parts.write("tracks", stage.tracker.tracks())
+                parts.write("background_lines", stage.backdrop.lines(stage.camera))
                 parts.write("cameras", self._camera_row(stage))
             self._note_absences()
             parts.write("diagnostics", diagnostics_table(list(self.notes)))

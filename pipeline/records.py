@@ -322,6 +322,13 @@ ESTIMATES = _schema(
     ("branch", _TEXT),
 )
 
+BACKGROUND_LINES = _schema(
+    ("camera", _TEXT),
+    ("x0_px", _F64),
+    ("y0_px", _F64),
+    ("x1_px", _F64),
+    ("y1_px", _F64),
+)
 TRACK_HEIGHTS = _schema(
     ("camera", _TEXT),
     ("track_id", _I32),
@@ -400,6 +407,7 @@ PASS_ONE = {
     "cameras": CAMERAS,
     "frames": FRAMES,
     "tracks": TRACKS,
+    "background_lines": BACKGROUND_LINES,
     "observations": OBSERVATIONS,
     "ground_truth": GROUND_TRUTH,
     "diagnostics": DIAGNOSTICS,

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from pipeline.calibrate.walkers import WalkersReport, calibrate_from_walkers
 from pipeline.config import CameraConfig, Config
@@ -17,7 +19,7 @@ from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate.columns import Measured
 from pipeline.estimate.combine import estimate, measured_by_camera
 from pipeline.exposure_check import exposure_notes
-from pipeline.records import Diagnostic, GroundPlane, Severity
+from pipeline.records import Diagnostic, FloatArray, GroundPlane, Severity
 from pipeline.store.database import Store
 
 
@@ -28,9 +30,11 @@ def estimate_recording(
     tables = {t: store.read(t, recording_id) for t in ("observations", "frames", "cameras")}
     notes = exposure_notes(store.exposure_verdicts(recording_id))
     poses: dict[str, GroundPlane] = {}
+    edges = store.read("background_lines", recording_id)
     recorded = {row["camera"]: row for row in tables["cameras"].to_pylist()}
     for measured in measured_by_camera(**tables, poses={}):
-        plane = _pose(measured, recorded.get(measured.camera), config, notes)
+        lines_px = lines_of(edges, measured.camera)
+        plane = _pose(measured, recorded.get(measured.camera), lines_px, config, notes)
         if plane is not None:
             poses[measured.camera] = plane
             store.set_pose(recording_id, measured.camera, plane)
@@ -46,9 +50,17 @@ def estimate_recording(
     store.add_diagnostics([*notes, *result.diagnostics], recording_id, run_id, file_name)
 
 
+def lines_of(edges: pa.Table, camera: str) -> FloatArray:
+    """Return a camera's rows of the table `background_lines` as x0 y0 x1 y1, (n, 4)."""
+    mine = edges.filter(pc.equal(edges["camera"], camera))
+    names = ("x0_px", "y0_px", "x1_px", "y1_px")
+    return np.stack([mine[n].to_numpy() for n in names], axis=1).astype(np.float64)
+
+
 def _pose(
     measured: Measured,
     recorded: Mapping[str, Any] | None,
+    lines_px: FloatArray,
     config: Config,
     notes: list[Diagnostic],
 ) -> GroundPlane | None:
@@ -65,7 +77,7 @@ def _pose(
     if prior is None or not (measured.class_name == prior.object_class).any():
         return None
     try:
-        plane, report = calibrate_from_walkers(measured, prior)
+        plane, report = calibrate_from_walkers(measured, prior, lines_px=lines_px)
     except CalibrationUndetermined as error:
         notes.append(
             Diagnostic(Severity.INFO, "pose_undetermined", error.problem, camera=measured.camera)
@@ -108,6 +120,7 @@ def recorded_pose(camera: Mapping[str, Any]) -> GroundPlane | None:
 
 
 def _describe(camera: str, plane: GroundPlane, report: WalkersReport) -> Diagnostic:
+    edges = f"; {report.uprights} upright edges agree" if report.uprights else ""
     return Diagnostic(
         Severity.INFO,
         "pose_from_walkers",
@@ -115,6 +128,6 @@ def _describe(camera: str, plane: GroundPlane, report: WalkersReport) -> Diagnos
         f"{report.camera_height_std_m:.2f} m, tilt {math.degrees(plane.tilt_rad):.2f} ± "
         f"{math.degrees(report.tilt_std_rad):.2f} degrees, roll {math.degrees(plane.roll_rad):.2f} ± "
         f"{math.degrees(report.roll_std_rad):.2f} degrees (one standard error); heads lie within "
-        f"{report.residual_px:.1f} px of the fit",
+        f"{report.residual_px:.1f} px of the fit{edges}",
         camera=camera,
     )

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import lil_matrix
 
+from pipeline.calibrate.upright import NO_UPRIGHTS, Uprights, find_uprights
 from pipeline.config import SizePrior
 from pipeline.errors import CalibrationUndetermined, UsageError
 from pipeline.estimate.columns import Measured
@@ -71,6 +72,7 @@ MAX_TILT_ERROR_RAD = np.deg2rad(5.0)
 # person: of a hundred people one is lost, of groups and fragments most.
 MAX_DEVIATION = 2.6
 MAX_REJECTIONS = 4
+UPRIGHT_TILT_STD_RAD = np.deg2rad(1.5)  # about the tilt found, upright edges are looked for
 REFINEMENTS = 2  # which way people walk is known better with each pose; the second moves it little
 USUAL_TILT_RAD = np.deg2rad(20.0)  # before there is one
 TILTS_RAD = np.deg2rad([2.0, 8.0, 15.0, 25.0, 35.0, 50.0])
@@ -122,6 +124,7 @@ class WalkersReport:
     camera_height_std_m: float
     tilt_std_rad: float
     roll_std_rad: float
+    uprights: int = 0  # edges of the place that were taken for vertical
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +146,7 @@ class _Sample:
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """What fixes the scale: the stature of each person as it is expected, and distances."""
+    """What is known beside the tracks: statures as they are expected, distances, upright edges."""
 
     mean_m: FloatArray  # (p,)
     std_m: FloatArray  # (p,)
@@ -152,9 +155,17 @@ class _Scale:
     points: FloatArray  # (d, 2, 2) normalised
     distance_m: FloatArray  # (d,)
     distance_std: FloatArray  # (d,) relative
+    uprights: Uprights
 
     @classmethod
-    def of(cls, sample: _Sample, prior: SizePrior, known: Known, measured: Measured) -> _Scale:
+    def of(
+        cls,
+        sample: _Sample,
+        prior: SizePrior,
+        known: Known,
+        measured: Measured,
+        uprights: Uprights,
+    ) -> _Scale:
         walking_m = prior.mean_m - GAIT_DROP_M
         mean_m, std_m = np.full((2, sample.people), [[walking_m], [prior.std_m]])
         of_population = np.ones(sample.people, dtype=np.bool_)
@@ -177,6 +188,7 @@ class _Scale:
             np.array(points).reshape(-1, 2, 2),
             np.array([d.distance_m for d in known.distances]),
             np.array([_relative_std(d) for d in known.distances]),
+            uprights,
         )
 
 
@@ -187,7 +199,10 @@ def _relative_std(known: KnownDistance) -> float:
 
 
 def calibrate_from_walkers(
-    measured: Measured, prior: SizePrior, known: Known = NOTHING_KNOWN
+    measured: Measured,
+    prior: SizePrior,
+    known: Known = NOTHING_KNOWN,
+    lines_px: FloatArray | None = None,
 ) -> tuple[GroundPlane, WalkersReport]:
     """Return the pose of the camera with its covariance, and how well it is determined.
 
@@ -195,6 +210,7 @@ def calibrate_from_walkers(
         measured: the observations of one camera; its intrinsics must be known.
         prior: stature of the population, mean and spread.
         known: what is known of this scene in metres.
+        lines_px: straight edges of the place, x0 y0 x1 y1, (m, 4); those that are upright help.
 
     Raises:
         CalibrationUndetermined: too few people, or their tracks do not fix the pose.
@@ -209,11 +225,13 @@ def calibrate_from_walkers(
             remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
         )
     sample, best = _fit_alike(sample, prior, known, measured)
+    uprights = NO_UPRIGHTS
     for _ in range(REFINEMENTS):
         chosen = set(sample.track_id.tolist())
         again = _sample(measured, prior, _plane(best))
         sample = _only(again, np.array([i in chosen for i in again.track_id.tolist()]))
-        sample, best = _fit_alike(sample, prior, known, measured, best)
+        uprights = _uprights(lines_px, measured, best)
+        sample, best = _fit_alike(sample, prior, known, measured, best, uprights)
     covariance = _covariance(best, sample)
     std = np.sqrt(np.diag(covariance))
     above_m, tilt, roll = float(np.exp(best.x[0])), float(best.x[1]), float(best.x[2])
@@ -223,7 +241,7 @@ def calibrate_from_walkers(
             f"tilt {np.rad2deg(tilt):.1f} ± {np.rad2deg(std[1]):.1f} degrees",
             remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
         )
-    report = _report(best, sample, measured, std)
+    report = _report(best, sample, measured, std, len(uprights))
     return GroundPlane(above_m, tilt, roll, covariance, "walkers"), report
 
 
@@ -233,9 +251,10 @@ def _fit_alike(
     known: Known,
     measured: Measured,
     before: OptimizeResult | None = None,
+    uprights: Uprights = NO_UPRIGHTS,
 ) -> tuple[_Sample, OptimizeResult]:
     """Fit, leave out whom the fit shows not to be one grown person, and fit again."""
-    scale = _Scale.of(sample, prior, known, measured)
+    scale = _Scale.of(sample, prior, known, measured, uprights)
     best = _best_fit(sample, scale, before)
     for _ in range(MAX_REJECTIONS):
         # Somebody whose height is known may be as tall as they like.
@@ -243,9 +262,16 @@ def _fit_alike(
         if alike.all() or alike.sum() < MIN_PEOPLE:
             break
         sample = _only(sample, alike)
-        scale = _Scale.of(sample, prior, known, measured)
+        scale = _Scale.of(sample, prior, known, measured, uprights)
         best = _best_fit(sample, scale, best)
     return sample, best
+
+
+def _uprights(lines_px: FloatArray | None, measured: Measured, fit: OptimizeResult) -> Uprights:
+    """Return the edges of the place that are upright, looked for about the tilt that was found."""
+    if lines_px is None or measured.intrinsics is None or not len(lines_px):
+        return NO_UPRIGHTS
+    return find_uprights(lines_px, measured.intrinsics, float(fit.x[1]), UPRIGHT_TILT_STD_RAD)
 
 
 def _plane(fit: OptimizeResult) -> GroundPlane:
@@ -331,7 +357,8 @@ _NOBODY = np.empty(0, dtype=np.int64)
 
 # The unknowns: log camera height, tilt, roll, log of the mean of the people here over the population's,
 # what all reaches have in common, and the height of each.
-_POSE, _MEAN, _REACH, _PEOPLE = slice(0, 3), 3, 4, 5
+# and how a lens bends upright edges (`calibrate.upright`) stands before the heights.
+_POSE, _MEAN, _REACH, _BEND, _PEOPLE = slice(0, 3), 3, 4, 5, 6
 
 
 def _predict(x: FloatArray, sample: _Sample) -> FloatArray:
@@ -354,7 +381,9 @@ def _residuals(x: FloatArray, sample: _Sample, scale: _Scale) -> FloatArray:
     mean_m = scale.mean_m * np.where(scale.of_population, np.exp(x[_MEAN]), 1.0)
     people = (x[_PEOPLE:] - mean_m) / scale.std_m
     few = [x[2] / ROLL_STD_RAD, x[_MEAN] / scale.mean_std, x[_REACH] / REACH_COMMON_STD]
-    return np.concatenate([error, people, few, _distance_errors(x, scale)])
+    few.append(x[_BEND] / scale.uprights.bend_std)
+    edges = scale.uprights.off(x[1], x[2], x[_BEND])
+    return np.concatenate([error, people, few, _distance_errors(x, scale), edges])
 
 
 def _distance_errors(x: FloatArray, scale: _Scale) -> FloatArray:
@@ -416,7 +445,9 @@ def _only(sample: _Sample, kept: npt.NDArray[np.bool_]) -> _Sample:
 def _start(sample: _Sample, scale: _Scale, tilt: float) -> FloatArray:
     """Return unknowns to start from at a tilt: everybody is as tall as is expected of them."""
     above_m = _height_for(sample, scale, tilt)
-    return np.concatenate([[np.log(above_m), tilt, 0.0, 0.0, 0.0], scale.mean_m])
+    return np.concatenate(
+        [[np.log(above_m), tilt, scale.uprights.roll_rad, 0.0, 0.0, 0.0], scale.mean_m]
+    )
 
 
 def _start_cost(sample: _Sample, scale: _Scale, tilt: float) -> float:
@@ -428,12 +459,13 @@ def _start_cost(sample: _Sample, scale: _Scale, tilt: float) -> float:
 def _fit(sample: _Sample, scale: _Scale, tilt: float) -> OptimizeResult:
     people, rows = sample.people, len(sample.track)
     start = _start(sample, scale, tilt)
-    pattern = lil_matrix((rows + people + 3 + len(scale.points), _PEOPLE + people), dtype=int)
+    others = _PEOPLE - 2 + len(scale.points) + len(scale.uprights)
+    pattern = lil_matrix((rows + people + others, _PEOPLE + people), dtype=int)
     pattern[:, :_PEOPLE] = 1
     pattern[np.arange(rows), _PEOPLE + sample.track] = 1
     pattern[rows + np.arange(people), _PEOPLE + np.arange(people)] = 1
-    low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, -0.3, *(0.4 * scale.mean_m)]
-    high = [np.log(200.0), np.deg2rad(89), 0.35, 1.0, 0.3, *(1.6 * scale.mean_m)]
+    low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, -0.3, -1.0, *(0.4 * scale.mean_m)]
+    high = [np.log(200.0), np.deg2rad(89), 0.35, 1.0, 0.3, 1.0, *(1.6 * scale.mean_m)]
     return least_squares(
         _residuals,
         start,
@@ -475,7 +507,7 @@ def _covariance(fit: OptimizeResult, sample: _Sample) -> FloatArray:
 
 
 def _report(
-    fit: OptimizeResult, sample: _Sample, measured: Measured, std: FloatArray
+    fit: OptimizeResult, sample: _Sample, measured: Measured, std: FloatArray, uprights: int
 ) -> WalkersReport:
     error = remove_roll(sample.head, fit.x[2])[:, 1] - _predict(fit.x, sample)
     focal_px = measured.intrinsics.fy_px if measured.intrinsics else np.nan
@@ -489,4 +521,5 @@ def _report(
         camera_height_std_m=float(std[0]),
         tilt_std_rad=float(std[1]),
         roll_std_rad=float(std[2]),
+        uprights=uprights,
     )

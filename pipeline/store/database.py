@@ -44,6 +44,7 @@ RECORDING_TABLES = (
 _ORDER = {
     "frames": "camera, frame_index",
     "tracks": "camera, track_id",
+    "background_lines": "camera, x0_px, y0_px",
     "observations": "camera, frame_index, observation_index",
     "ground_truth": "camera, frame_index, object_id",
     "estimates": "method, observation_index",

@@ -12,7 +12,7 @@ from importlib.resources.abc import Traversable
 import duckdb
 
 # Raised when tables change in a way that an older database cannot be read with.
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 _VERSION_TABLE = """
 CREATE TABLE IF NOT EXISTS schema_version (version INTEGER NOT NULL, sql_sha256 VARCHAR NOT NULL);

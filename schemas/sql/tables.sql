@@ -155,6 +155,22 @@ COMMENT ON COLUMN frames.clipped_fraction IS 'Share of the pixels that are black
 COMMENT ON COLUMN frames.ev100 IS 'Exposure value at ISO 100.';
 COMMENT ON COLUMN frames.scene_luminance_cd_m2 IS 'Luminance of a scene that this exposure renders mid-grey.';
 
+CREATE TABLE IF NOT EXISTS background_lines (
+    recording_id VARCHAR NOT NULL,
+    camera       VARCHAR NOT NULL,
+    x0_px        DOUBLE NOT NULL,
+    y0_px        DOUBLE NOT NULL,
+    x1_px        DOUBLE NOT NULL,
+    y1_px        DOUBLE NOT NULL
+);
+COMMENT ON TABLE background_lines IS 'Straight edges of what never moves before a camera; upright ones tell its roll and tilt.';
+COMMENT ON COLUMN background_lines.recording_id IS 'The recording.';
+COMMENT ON COLUMN background_lines.camera IS 'The camera.';
+COMMENT ON COLUMN background_lines.x0_px IS 'Column of one end, in pixels of the stored picture.';
+COMMENT ON COLUMN background_lines.y0_px IS 'Row of that end.';
+COMMENT ON COLUMN background_lines.x1_px IS 'Column of the other end.';
+COMMENT ON COLUMN background_lines.y1_px IS 'Row of the other end.';
+
 CREATE TABLE IF NOT EXISTS tracks (
     recording_id      VARCHAR NOT NULL,
     camera            VARCHAR NOT NULL,
