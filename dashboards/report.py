@@ -34,7 +34,7 @@ def write_report(database: Path, target: Path) -> None:
         StadimeterError: the file cannot be written.
     """
     charts_of = _library()
-    with Store.open(database, read_only=True) as store:
+    with Store.open_current(database) as store:
         data = read_report_data(store)
     page = _page(database, data, charts_of(data))
     with whole_file(target, "the report") as part:

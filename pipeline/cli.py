@@ -591,7 +591,7 @@ def _review(arguments: argparse.Namespace) -> int:
     if output is None and hindrance:
         output = Path(f"{Path(arguments.recordings[0]).stem}.review.rrd")
     with place_for(output) as target:
-        with Store.open(arguments.db, read_only=True) as store:
+        with Store.open_current(arguments.db) as store:
             written = write_review(store, review, target, config)
         for remark in written.remarks:
             out.print(f"shown     {safe(remark)}", soft_wrap=True)

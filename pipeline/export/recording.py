@@ -49,7 +49,7 @@ def export_recording(
         raise UsageError("there is no such file", where=Where(recording))
     if target.exists() and target.samefile(recording):
         raise UsageError("the export would overwrite the recording", where=Where(target))
-    with Store.open(database, read_only=True) as store:
+    with Store.open_current(database) as store:
         row = _stored(store, recording, database)
         notes = Notes()
         with whole_file(target, "the export") as part, part.open("wb") as stream:

@@ -26,7 +26,7 @@ from pipeline.records import OBSERVATION_QUALITY, PASS_ONE, PASS_TWO, Diagnostic
 from pipeline.store.catalog import View, views
 from pipeline.store.connection import connect
 from pipeline.store.precision import kept
-from pipeline.store.schema import apply_schema
+from pipeline.store.schema import apply_schema, is_current
 
 if TYPE_CHECKING:
     from pyarrow.dataset import Dataset
@@ -106,6 +106,20 @@ class Store:
             except BaseException:
                 store._connection.close()
                 raise
+        return store
+
+    @classmethod
+    def open_current(cls, path: Path) -> Store:
+        """Open a database for reading, its tables and views brought up to date if they are older.
+
+        Raises:
+            StoreError: as `open`; or it is older, and held by another process.
+        """
+        store = cls.open(path, read_only=True)
+        if not is_current(store._connection):
+            store._connection.close()
+            cls.open(path)._connection.close()
+            store = cls.open(path, read_only=True)
         return store
 
     def __enter__(self) -> Store:

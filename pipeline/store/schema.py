@@ -5,11 +5,14 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable
+from functools import cache
 from graphlib import TopologicalSorter
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
 import duckdb
+
+from pipeline.store.upgrade import upgrade_tables
 
 # Raised when tables change in a way that an older database cannot be read with.
 SCHEMA_VERSION = 4
@@ -25,25 +28,40 @@ COMMENT ON COLUMN schema_version.sql_sha256 IS 'Hash of the SQL that made the ta
 def apply_schema(
     connection: duckdb.DuckDBPyConnection, replace_tables: Callable[[], None] = lambda: None
 ) -> None:
-    """Create what is missing of the tables, and functions and views anew if their text differs.
+    """Create or alter what is missing of the tables, and make views anew if any text differs.
 
     Before there are views, `replace_tables` may put something else in the place of tables.
     """
-    sql = files("schemas") / "sql"
-    tables = (sql / "tables.sql").read_text()
-    scripts = [(sql / "functions.sql").read_text()] + [script for _, script in view_scripts()]
-    text = "\n".join([_VERSION_TABLE, tables, *scripts])
-    digest = hashlib.sha256(text.encode()).hexdigest()
+    tables, *scripts = _scripts()
     connection.execute(_VERSION_TABLE)
-    if connection.execute("SELECT sql_sha256 FROM schema_version").fetchone() == (digest,):
+    if is_current(connection):
         return
+    upgrade_tables(connection, tables)
     connection.execute(tables)
     replace_tables()
     for script in scripts:
         connection.execute(script)
     _comment_view_columns(connection, re.findall(r"CREATE TABLE IF NOT EXISTS (\w+)", tables))
     connection.execute("DELETE FROM schema_version")
-    connection.execute("INSERT INTO schema_version VALUES (?, ?)", [SCHEMA_VERSION, digest])
+    connection.execute("INSERT INTO schema_version VALUES (?, ?)", [SCHEMA_VERSION, _digest()])
+
+
+def is_current(connection: duckdb.DuckDBPyConnection) -> bool:
+    """Whether the tables and views of a database are those of this version."""
+    found = connection.execute("SELECT sql_sha256 FROM schema_version").fetchone()
+    return found == (_digest(),)
+
+
+@cache
+def _digest() -> str:
+    return hashlib.sha256("\n".join([_VERSION_TABLE, *_scripts()]).encode()).hexdigest()
+
+
+def _scripts() -> list[str]:
+    """Return the SQL of tables, functions and views, in the order in which it is run."""
+    sql = files("schemas") / "sql"
+    first = [(sql / name).read_text() for name in ("tables.sql", "functions.sql")]
+    return first + [script for _, script in view_scripts()]
 
 
 def view_scripts() -> list[tuple[str, str]]:
@@ -91,7 +109,7 @@ def _comment_view_columns(connection: duckdb.DuckDBPyConnection, tables: list[st
         )
         SELECT schema_name, table_name, column_name, meaning
         FROM columns JOIN meanings USING (column_name)
-        WHERE comment IS NULL
+        WHERE comment IS NULL AND meaning IS NOT NULL
         """,
         [tables],
     ).fetchall()

@@ -1,0 +1,57 @@
+"""An older database is brought up to date when it is written, and when our own pages read it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import duckdb
+import pytest
+
+from pipeline.errors import StoreError
+from pipeline.store.database import Store
+
+
+@pytest.fixture
+def older(path: Path) -> Path:
+    """Return a database as one that knew less had written it."""
+    with duckdb.connect(str(path)) as connection:
+        connection.execute("INSERT INTO cameras BY NAME " + CAMERA)
+        connection.execute("ALTER TABLE cameras DROP COLUMN pose_source")
+        connection.execute("ALTER TABLE cameras ALTER COLUMN fy_px SET DATA TYPE FLOAT")
+        connection.execute("ALTER TABLE cameras ADD COLUMN gone INTEGER")
+        connection.execute("DROP TABLE diagnostics CASCADE")
+        connection.execute("UPDATE schema_version SET sql_sha256 = 'older'")
+    return path
+
+
+CAMERA = "SELECT 'r' AS recording_id, 'a' AS camera, '/t' AS topic, 9 AS fx_px"
+CAMERAS = "SELECT camera, fx_px, pose_source, gone FROM cameras"
+BROUGHT = [{"camera": "a", "fx_px": 9.0, "pose_source": None, "gone": None}]
+
+
+def test_writing_adds_what_is_missing_and_keeps_what_was_stored(older: Path) -> None:
+    with Store.open(older) as store:
+        assert store.query(CAMERAS).to_pylist() == BROUGHT
+        assert str(store.query("SELECT fy_px FROM cameras").schema[0].type) == "double"
+        assert store.query("FROM diagnostics").num_rows == 0
+        comments = "SELECT comment FROM duckdb_columns() WHERE column_name = 'pose_source'"
+        assert all(row["comment"] for row in store.query(comments).to_pylist())
+
+
+def test_reading_for_ourselves_brings_it_up_to_date_first(older: Path) -> None:
+    with Store.open_current(older) as store:
+        assert store.query(CAMERAS).to_pylist() == BROUGHT
+        with pytest.raises(StoreError):
+            store.add_diagnostics([], None, "r", "x")
+
+
+def test_a_question_changes_nothing(older: Path) -> None:
+    before = older.read_bytes()
+    with Store.open(older, read_only=True) as store:
+        assert store.query("SELECT camera FROM cameras").num_rows == 1
+    assert older.read_bytes() == before
+
+
+def test_a_current_database_is_not_opened_for_writing(path: Path) -> None:
+    with Store.open(path, read_only=True), Store.open_current(path):
+        pass
