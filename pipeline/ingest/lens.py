@@ -64,7 +64,7 @@ def intrinsics_of(
     if recorded is not None:
         fitted = fit_to_picture(recorded, width_px, height_px)
         if fitted is not None:
-            return fitted, "recording", _contradiction(fitted, lens)
+            return fitted, "recording", _contradiction(fitted, lens) or _scaling(recorded, fitted)
         complaint = (
             f"the calibration is for {recorded.width_px}x{recorded.height_px}, the pictures are "
             f"{width_px}x{height_px}, another shape; it was not used"
@@ -123,6 +123,17 @@ def _contradiction(intrinsics: Intrinsics, lens: Lens) -> str | None:
             f"{intrinsics.fx_px:.0f} px; angles are taken from the calibration"
         )
     return None
+
+
+def _scaling(recorded: Intrinsics, fitted: Intrinsics) -> str | None:
+    sizes = [(k.width_px, k.height_px) for k in (recorded, fitted)]
+    if sizes[0] == sizes[1] or min(sizes[0]) <= 0:
+        return None
+    (was_x, was_y), (is_x, is_y) = sizes
+    return (
+        f"the calibration is for {was_x}x{was_y}, the pictures are {is_x}x{is_y}; it was scaled, "
+        "which is right if the pictures were"
+    )
 
 
 def _scale(sensor_px: float, stored_px: int) -> float:

@@ -59,6 +59,20 @@ _MOST_ATTACHMENTS = 100_000  # whose places are kept
 Note = Callable[[Diagnostic], None]
 
 
+# What is brought in the place of an MCAP, by its first bytes, and what helps.
+_OTHERS = {
+    b"\x28\xb5\x2f\xfd": "It is compressed as a whole: unpack it with zstd -d",
+    b"\x1f\x8b": "It is compressed as a whole: unpack it with gunzip",
+    b"#ROSBAG": "It is a bag of ROS 1: `mcap convert` of the MCAP tools makes an MCAP of it",
+    b"SQLite f": "It is a bag of ROS 2 in SQLite: `ros2 bag convert` makes an MCAP of it",
+}
+
+
+def _remedy(magic: bytes) -> str:
+    known = (text for start, text in _OTHERS.items() if magic.startswith(start))
+    return next(known, "`stadimeter import` makes a recording of a video, or of photos")
+
+
 class RawMessage(NamedTuple):
     """One message, not yet decoded. `byte_offset` is that of its chunk, if it is in one."""
 
@@ -131,7 +145,7 @@ class McapFile:
                 raise NotARecording(
                     f"not an MCAP file (it starts with {magic[:8]!r})",
                     where=where,
-                    remedy="`stadimeter import` makes a recording of a video",
+                    remedy=_remedy(magic),
                 )
             self._search = RecordSearch(
                 source.peek, source.size, self._topics.knows, self.limits.search_places

@@ -193,7 +193,14 @@ def test_messages_of_a_channel_that_nothing_declares_are_told(good: bytes, tmp_p
 
 @pytest.mark.parametrize(
     ("data", "word"),
-    [(b"", "empty"), (b"\x89MCAP0\r", "not an MCAP"), (b"\xff\xd8\xff\xe0" * 10, "not an MCAP")],
+    [
+        (b"", "empty"),
+        (b"\x89MCAP0\r", "not an MCAP"),
+        (b"\xff\xd8\xff\xe0" * 10, "not an MCAP"),
+        (b"\x28\xb5\x2f\xfd" * 10, "zstd -d"),
+        (b"#ROSBAG V2.0\n", "mcap convert"),
+        (b"SQLite format 3\0", "ros2 bag convert"),
+    ],
 )
 def test_what_is_no_recording_is_said_to_be_none(data: bytes, word: str, tmp_path: Path) -> None:
     with pytest.raises(NotARecording, match=word):

@@ -36,6 +36,17 @@ def test_a_calibration_of_another_shape_is_not_used_silently() -> None:
     assert "640x480" in (complaint or "")
 
 
+def test_a_calibration_that_was_scaled_is_told() -> None:
+    camera = CameraConfig("c")
+    for width_px, height_px, word in ((320, 240, "scaled"), (640, 480, None)):
+        lens = lens_of(UNKNOWN_EXPOSURE, camera, RECORDED, width_px, height_px)
+        found, source, complaint = intrinsics_of(RECORDED, camera, lens, width_px, height_px)
+        assert found is not None
+        assert (found.width_px, source) == (width_px, "recording")
+        assert (word or "") in (complaint or "")
+        assert (complaint is None) == (word is None)
+
+
 def test_pixel_pitch_is_that_of_the_stored_picture() -> None:
     exposure = replace(
         UNKNOWN_EXPOSURE,
