@@ -145,7 +145,7 @@ class McapFile:
                 raise NotARecording(
                     f"not an MCAP file (it starts with {magic[:8]!r})",
                     where=where,
-                    remedy=_remedy(magic),
+                    remedy=_remedy(bytes(magic)),
                 )
             self._search = RecordSearch(
                 source.peek, source.size, self._topics.knows, self.limits.search_places
