@@ -1,12 +1,13 @@
 """`make bench`: everything that is claimed, measured in one run."""
 
-from bench import defocus, memory, paper, queries, speed, street, timeline, walkers
+from bench import boxes, defocus, memory, paper, queries, speed, street, timeline, walkers
 from pipeline.console import out
 
 for title, part in (
     ("The paper's rows", paper),
     ("The pose from walkers", walkers),
     ("The street's survey", street),
+    ("Boxes of the motion detector", boxes),
     ("Depth from defocus", defocus),
     ("Speed", speed),
     ("Timelines", timeline),

@@ -170,7 +170,7 @@ def _shared(a: Floats, b: Floats) -> Floats:
 def main() -> None:
     """Print what comes of some cameras."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--cameras", type=int, default=6)
+    parser.add_argument("--cameras", type=int, default=4)
     parser.add_argument("--workers", type=int, default=multiprocessing.cpu_count())
     parser.add_argument("--keep", type=Path, help="folder in which recordings are kept")
     given, _ = parser.parse_known_args()

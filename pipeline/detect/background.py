@@ -51,7 +51,7 @@ class Background:
 
     def relit(self, picture: Image) -> Image:
         """Return the background at the brightness of this picture (clouds, automatic exposure)."""
-        step = max(2, picture.shape[1] // 48)  # green alone stands for the brightness
+        step = max(2, picture.shape[1] // 32)  # green alone stands for the brightness
         now = picture[::step, ::step, 1].astype(np.float32)
         then = self.mean_u8[::step, ::step, 1].astype(np.float32)
         gain = float(np.median((now + 8) / (then + 8)))
