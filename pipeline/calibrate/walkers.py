@@ -51,6 +51,9 @@ MIN_PEOPLE = 4
 # must change, or others must be seen at other distances (checked by the standard errors).
 MIN_OBSERVATIONS = 8
 MAX_PER_TRACK = 40  # more of a track's frames say the same thing again
+# Chance leaves the mean stature of so many uncertain by 0.09 / sqrt(150) m = 7 mm, a quarter of
+# POPULATION_MEAN_STD_M; a day has tens of thousands, and the fit's time grows faster than their number.
+MAX_PEOPLE = 150
 # Boxes repeat their error for as long as a pose is held; half a step is the time in which it changes.
 CORRELATION_S = 0.5
 # A walker's head rises and falls by about 2 cm either side, and the box's foot is now one foot, now
@@ -217,7 +220,8 @@ def calibrate_from_walkers(
         UsageError: what is known is of somebody who is not there, or makes no sense.
     """
     _check(known, measured)
-    sample = _sample(measured, prior)
+    measured, people = _some(measured, prior, known)
+    sample = _sample(measured, prior, people)
     if sample.people < MIN_PEOPLE:
         raise CalibrationUndetermined(
             f"{sample.people} people were followed well enough to find the camera's pose, "
@@ -228,7 +232,7 @@ def calibrate_from_walkers(
     uprights = NO_UPRIGHTS
     for _ in range(REFINEMENTS):
         chosen = set(sample.track_id.tolist())
-        again = _sample(measured, prior, _plane(best))
+        again = _sample(measured, prior, people, _plane(best))
         sample = _only(again, np.array([i in chosen for i in again.track_id.tolist()]))
         uprights = _uprights(lines_px, measured, best)
         sample, best = _fit_alike(sample, prior, known, measured, best, uprights)
@@ -289,10 +293,34 @@ def _check(known: Known, measured: Measured) -> None:
             raise UsageError("a known distance needs two points that are apart, and its length")
 
 
-def _sample(measured: Measured, prior: SizePrior, plane: GroundPlane | None = None) -> _Sample:
+def _some(
+    measured: Measured, prior: SizePrior, known: Known
+) -> tuple[Measured, npt.NDArray[np.int64]]:
+    """Return the tracks to learn from, spread over the recording, and what is in their frames."""
+    ids, first, count = np.unique(
+        measured.track_id[measured.class_name == prior.object_class],
+        return_index=True,
+        return_counts=True,
+    )
+    ids = ids[count >= MIN_OBSERVATIONS][np.argsort(first[count >= MIN_OBSERVATIONS])]
+    if len(ids) <= MAX_PEOPLE:
+        return measured, ids
+    spread = np.unique(np.linspace(0, len(ids) - 1, MAX_PEOPLE).astype(int))
+    chosen = np.union1d(ids[spread], [person.track_id for person in known.heights])
+    frames = np.unique(measured.frame_index[np.isin(measured.track_id, chosen)])
+    return measured.take(np.isin(measured.frame_index, frames)), chosen.astype(np.int64)
+
+
+def _sample(
+    measured: Measured,
+    prior: SizePrior,
+    people: npt.NDArray[np.int64],
+    plane: GroundPlane | None = None,
+) -> _Sample:
     """Choose whole, unhidden people, spread over each track; a pose tells more of their outlines."""
     usable = (
         (measured.class_name == prior.object_class)
+        & np.isin(measured.track_id, people)
         & ~measured.truncated.any(axis=1)
         & (measured.occlusion < 0.05)
         & assess(measured).ends_visible
@@ -306,8 +334,10 @@ def _sample(measured: Measured, prior: SizePrior, plane: GroundPlane | None = No
     tracks: list[npt.NDArray[np.intp]] = []
     weights: list[FloatArray] = []
     ids: list[int] = []
-    for track_id in np.unique(measured.track_id[usable]):
-        mine = np.flatnonzero(usable & (measured.track_id == track_id))
+    use = np.flatnonzero(usable)
+    use = use[np.argsort(measured.track_id[use], kind="stable")]
+    kept_ids, starts = np.unique(measured.track_id[use], return_index=True)
+    for track_id, mine in zip(kept_ids, np.split(use, starts[1:]), strict=True):
         if len(mine) < MIN_OBSERVATIONS:
             continue
         span_s = np.ptp(measured.capture_time_ns[mine]) / 1e9

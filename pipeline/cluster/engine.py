@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import os
+import socket
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -168,6 +169,20 @@ def local_engine(workers: int) -> Iterator[Engine]:
         engine.close()
 
 
+def _knock(address: str) -> None:
+    """Refuse an address where nobody answers: Ray would go on trying for minutes."""
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if not colon or not port.isdigit():
+        return  # "auto", and names that Ray understands
+    try:
+        socket.create_connection((host, int(port)), timeout=10).close()
+    except (OSError, OverflowError) as error:
+        raise StadimeterError(
+            f"no Ray cluster answers at {address}: {error}",
+            remedy="`ray start --head` begins one; without --address a local one is started",
+        ) from error
+
+
 @contextmanager
 def ray_engine(address: str | None, workers: int) -> Iterator[RayEngine]:
     """Give an engine on a running cluster, or, without an address, on a new one of this machine.
@@ -189,6 +204,8 @@ def ray_engine(address: str | None, workers: int) -> Iterator[RayEngine]:
             "the engine ray needs a library that is not installed: ray",
             remedy="Install stadimeter with its extra: pip install 'stadimeter[ray]'",
         ) from error
+    if address is not None:
+        _knock(address)
     here: dict[str, Any] = {
         "num_cpus": workers,
         "include_dashboard": False,

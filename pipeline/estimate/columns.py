@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,12 @@ class Measured:
 
     def __len__(self) -> int:
         return len(self.observation_index)
+
+    def take(self, rows: BoolArray) -> Measured:
+        """Return the observations of a mask (n,)."""
+        columns: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        kept: dict[str, Any] = {k: v[rows] for k, v in columns.items() if isinstance(v, np.ndarray)}
+        return replace(self, **kept)
 
 
 @dataclass(slots=True)

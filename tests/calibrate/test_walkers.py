@@ -19,13 +19,7 @@ from pipeline.calibrate.walkers import (
 )
 from pipeline.config import ADULT
 from pipeline.errors import CalibrationUndetermined, UsageError
-from pipeline.estimate.columns import Measured
 from pipeline.optics.ground_plane import project_person
-
-
-def only(measured: Measured, rows: np.ndarray) -> Measured:
-    names = [f for f in Measured.__slots__ if isinstance(getattr(measured, f), np.ndarray)]
-    return replace(measured, **{n: getattr(measured, n)[rows] for n in names})
 
 
 @pytest.mark.slow
@@ -122,7 +116,7 @@ def test_what_cannot_be_known_is_refused(known: Known) -> None:
 def test_more_people_make_it_surer_down_to_what_the_population_leaves_open() -> None:
     simulated = scene(np.random.default_rng(6), 40, bad_share=0.0)
     few = simulated.measured.track_id < 8
-    small, _ = calibrate_from_walkers(only(simulated.measured, few), ADULT)
+    small, _ = calibrate_from_walkers(simulated.measured.take(few), ADULT)
     large, _ = calibrate_from_walkers(simulated.measured, ADULT)
     relative = [np.sqrt(p.covariance[0, 0]) / p.camera_height_m for p in (small, large)]
     assert relative[1] < relative[0]
@@ -133,7 +127,7 @@ def test_too_few_people_are_refused_with_a_reason() -> None:
     simulated = scene(np.random.default_rng(8), 12)
     rows = simulated.measured.track_id < MIN_PEOPLE - 1
     with pytest.raises(CalibrationUndetermined, match="are needed"):
-        calibrate_from_walkers(only(simulated.measured, rows), ADULT)
+        calibrate_from_walkers(simulated.measured.take(rows), ADULT)
 
 
 @pytest.mark.parametrize("change", ["no intrinsics", "all cut", "all hidden", "no people"])
@@ -159,3 +153,14 @@ def test_people_at_one_spot_do_not_fix_a_pose() -> None:
     box += np.random.default_rng(0).normal(0, 1, box.shape)
     with pytest.raises(CalibrationUndetermined, match="do not fix"):
         calibrate_from_walkers(replace(m, bbox_xyxy_px=box), ADULT)
+
+
+def test_of_many_people_some_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pose from a part of the people, spread over time, is that of all within its interval."""
+    measured = scene(np.random.default_rng(4), 30).measured
+    everybody, report = calibrate_from_walkers(measured, ADULT)
+    monkeypatch.setattr("pipeline.calibrate.walkers.MAX_PEOPLE", 12)
+    some, fewer = calibrate_from_walkers(measured, ADULT)
+    assert fewer.people <= 12 < report.people
+    std_m = np.sqrt(everybody.covariance[0, 0] + some.covariance[0, 0])
+    assert abs(some.camera_height_m - everybody.camera_height_m) < 3 * std_m
