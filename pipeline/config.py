@@ -45,7 +45,7 @@ class Limits:
     """Bounds on what a file may claim, checked before memory is taken."""
 
     record_bytes: int = 256 * 1024**2  # one MCAP record; a 4K raw frame is 33 MB
-    chunk_bytes: int = 256 * 1024**2  # one chunk, decompressed; writers make them of 1 to 50 MB
+    chunk_bytes: int = 128 * 1024**2  # one chunk, decompressed; writers make them of 1 to 50 MB
     message_bytes: int = 16 * 1024**2  # one that is no picture: parsed, it takes some 30 times that
     schema_bytes: int = 2 * 1024**2  # one schema; a set of messages with all its imports is 100 kB
     all_schema_bytes: int = 64 * 1024**2

@@ -54,6 +54,8 @@ __all__ = ["MAX_TIME_NS", "ChannelInfo", "McapFile", "Note", "RawMessage"]
 
 MAX_TIME_NS = 2**63 - 1  # what Arrow and DuckDB hold
 _BLOCK = 1 << 20
+# A chunk of a few kilobytes can hold millions of empty records; each would be told.
+_BAD_RECORDS = 1000
 _MOST_ATTACHMENTS = 100_000  # whose places are kept
 
 Note = Callable[[Diagnostic], None]
@@ -291,7 +293,7 @@ class McapFile:
         self, data: memoryview, offset: int, span_ns: tuple[int, int] | None = None
     ) -> Iterator[RawMessage]:
         """Yield the messages among the records of a chunk."""
-        head, size, position = MESSAGE_HEAD.size, len(data), 0
+        head, size, position, bad = MESSAGE_HEAD.size, len(data), 0, 0
         while position < size:
             start = position + FRAMING.size
             opcode, length = FRAMING.unpack_from(data, position) if start <= size else (0, 0)
@@ -311,8 +313,14 @@ class McapFile:
                     *(span_ns or (self._newest_ns, None)),
                 )
                 end = resume or size
-            else:
-                self._small_record(opcode, data[start:end], offset)
+            elif not self._small_record(opcode, data[start:end], offset):
+                bad += 1
+                if bad > _BAD_RECORDS:
+                    text = f"more than {_BAD_RECORDS:,} bad records in a chunk; the rest was left"
+                    self._damage(
+                        "damaged_record", text, offset, *(span_ns or (self._newest_ns, None))
+                    )
+                    return
             position = end
 
     def _message(
@@ -331,7 +339,8 @@ class McapFile:
         content = bytes(data[start + MESSAGE_HEAD.size : end])
         return RawMessage(channel_id, channel, log_time_ns, content, offset, publish_ns, sequence)
 
-    def _small_record(self, opcode: int, body: memoryview, offset: int) -> None:
+    def _small_record(self, opcode: int, body: memoryview, offset: int) -> bool:
+        """Take a record of a chunk that is no whole message; False if it is damaged."""
         try:
             if opcode == Opcode.SCHEMA:
                 self._topics.add_schema(bytes(body))
@@ -341,6 +350,8 @@ class McapFile:
                 raise Malformed(f"a message of {len(body)} bytes")
         except Malformed as error:
             self._damaged_record(opcode, offset, error)
+            return False
+        return True
 
     def _from_summary(self, channel_id: int, offset: int) -> ChannelInfo | None:
         """Return a channel whose own record was lost, if the summary repeats it."""
@@ -625,9 +636,9 @@ def _whole_records(data: bytes | memoryview) -> int:
     """Return how many bytes the whole records at the beginning take."""
     position = 0
     while position + FRAMING.size <= len(data):
-        _, length = FRAMING.unpack_from(data, position)
+        opcode, length = FRAMING.unpack_from(data, position)
         end = position + FRAMING.size + length
-        if end > len(data):
+        if opcode == 0 or end > len(data):
             break
         position = end
     return position

@@ -22,7 +22,8 @@ from pipeline.ingest.mcap_format import (
 from pipeline.records import Severity
 
 Tell = Callable[[Severity, str, str, int | None, str | None], None]
-_FOOTER_BYTES = FRAMING.size + 20 + len(MAGIC)
+_FOOTER_BODY = 20
+_FOOTER_REACH = 4096  # a later version of the format may have made it longer
 _IDS = 1 << 16  # of one recording
 
 
@@ -138,16 +139,17 @@ class Topics:
 
 def _summary_records(source: ForwardFile, limit: int) -> Iterator[tuple[int, bytes]]:
     """Yield schemas and channels of the summary, if it is there and its CRC fits."""
-    end = source.size - _FOOTER_BYTES
-    tail = source.peek(max(end, 0), _FOOTER_BYTES)
-    if len(tail) < _FOOTER_BYTES or tail[-len(MAGIC) :] != MAGIC or tail[0] != Opcode.FOOTER:
+    found = _footer(source)
+    if found is None:
         return
-    footer = read_footer(tail[FRAMING.size :])
+    end, head = found
+    footer = read_footer(head[FRAMING.size :])
     start, size = footer.summary_start, end - footer.summary_start
     if start == 0 or not 0 < size <= limit:
         return
     summary = source.peek(start, size)
-    if footer.summary_crc and zlib.crc32(tail[:-12], zlib.crc32(summary)) != footer.summary_crc:
+    stated = zlib.crc32(head[: FRAMING.size + 16], zlib.crc32(summary))
+    if footer.summary_crc and stated != footer.summary_crc:
         return
     position = 0
     while position + FRAMING.size <= size:
@@ -156,3 +158,15 @@ def _summary_records(source: ForwardFile, limit: int) -> Iterator[tuple[int, byt
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             yield opcode, summary[position : position + length]
         position += length
+
+
+def _footer(source: ForwardFile) -> tuple[int, bytes] | None:
+    """Return where the footer at the end of the file starts, and its bytes."""
+    start = max(source.size - _FOOTER_REACH, 0)
+    tail = source.peek(start, _FOOTER_REACH).removesuffix(MAGIC)
+    at = len(tail)
+    while (at := tail.rfind(bytes([Opcode.FOOTER]), 0, at)) >= 0:
+        body = len(tail) - at - FRAMING.size
+        if body >= _FOOTER_BODY and FRAMING.unpack_from(tail, at)[1] == body:
+            return start + at, tail[at:]
+    return None
