@@ -224,9 +224,7 @@ def _log(origin: str, name: str) -> rrb.TextLogView:
     return rrb.TextLogView(
         origin=origin,
         name=name,
-        columns=rrb.TextLogColumns(
-            timeline_columns=[FRAME, TIME], text_log_columns=["loglevel", "body"]
-        ),
+        columns=rrb.TextLogColumns(timeline_columns=[FRAME], text_log_columns=["loglevel", "body"]),
     )
 
 

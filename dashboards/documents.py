@@ -46,6 +46,8 @@ def about_text(
     calibrations = tables.get("calibrations")
     if calibrations is not None and calibrations.num_rows:
         parts.append(_calibrations_text(calibrations))
+    if tables["diagnostics"].num_rows:
+        parts.append(_diagnostics_text(tables["diagnostics"]))
     parts.append(_reading_text(cameras))
     return "\n\n".join(parts)
 
@@ -156,6 +158,21 @@ def _calibrations_text(calibrations: pa.Table) -> str:
             f"| {markdown(row['source'] or '')} |"
         )
     return "\n\n".join(lines)
+
+
+def _diagnostics_text(diagnostics: pa.Table) -> str:
+    """Return what was wrong, a line a kind: also of a recording that has no frame to log it at."""
+    kinds: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for row in diagnostics.to_pylist():
+        kinds.setdefault((row["severity"], row["code"]), []).append(row)
+    lines = []
+    for (severity, code), rows in sorted(kinds.items())[:MAX_ROWS]:
+        times = sum(row["count"] for row in rows)
+        lines.append(
+            f"- **{markdown(code)}** ({markdown(severity)}, {times:,} times): "
+            f"{markdown(rows[0]['message'])}"
+        )
+    return "\n\n".join(["#### What was wrong", "\n".join(lines)])
 
 
 def _reading_text(cameras: Sequence[CameraRows]) -> str:

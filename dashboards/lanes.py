@@ -29,8 +29,9 @@ SHARES = (0.85, 0.4)
 LABEL_SHARE = 0.025
 FRAMES_IN_VIEW = 2000  # what the viewer opens with of a longer one
 UNNAMED = " "  # ends a state that has no name on its bar
-# Kinds of diagnostics with a lane of their own; all are in the log.
-DIAGNOSTIC_LANES = 6
+# Kinds of diagnostics in their lane; all are in the log.
+DIAGNOSTIC_KINDS = 6
+LEVELS = (OK, WARNING, ERROR)
 PAIRINGS = {
     "nearest": ("exposure of the frame", OK),
     "last_known": ("last exposure known", WARNING),
@@ -144,45 +145,40 @@ def _send_changes(
 
 
 def _log_diagnostics(stream: rr.RecordingStream, rows: CameraRows, diagnostics: pa.Table) -> None:
-    """Log a lane for each of the kinds of diagnostics that have a time, those that matter most."""
+    """Log in one lane which kinds of diagnostics cover each frame, those that matter most."""
     weight = {"error": 2, "warning": 1}
     kinds: dict[str, list[Mapping[str, Any]]] = {}
     for note in diagnostics.to_pylist():
-        mine = note["camera"] in (None, rows.name) or note["camera"] == rows.camera["camera"]
+        mine = note["camera"] in (None, rows.camera["camera"])
         if note["log_time_ns"] is not None and mine:
             kinds.setdefault(str(note["code"]), []).append(note)
-    worst = sorted(
-        kinds.items(), key=lambda kind: (-weight.get(kind[1][0]["severity"], 0), -len(kind[1]))
-    )
-    for code, notes in worst[:DIAGNOSTIC_LANES]:
-        begins = np.array([note["log_time_ns"] for note in notes])
-        ends = np.array([note["end_time_ns"] or note["log_time_ns"] for note in notes])
-        severe = any(note["severity"] == "error" for note in notes)
-        _log_spans(
-            stream, rows, f"diagnostics_{code}", code, (begins, ends), ERROR if severe else WARNING
-        )
+    severity = {code: max(weight.get(n["severity"], 0) for n in ns) for code, ns in kinds.items()}
+    shown = sorted(kinds, key=lambda code: (-severity[code], -len(kinds[code])))[:DIAGNOSTIC_KINDS]
+    if not shown:
+        return
+    covered = np.stack([_covered(rows.frames, kinds[code]) for code in shown])  # (kinds, frames)
+    together = (covered << np.arange(len(shown))[:, None]).sum(axis=0)
+    texts, colours = {}, {}
+    for key in np.unique(together[together > 0]).tolist():
+        there = [code for bit, code in enumerate(shown) if key >> bit & 1]
+        texts[key] = title(", ".join(there))
+        colours[texts[key]] = LEVELS[max(severity[code] for code in there)]
+    states = np.array([texts.get(key) for key in together.tolist()], dtype=object)
+    style = (list(colours), np.array(list(colours.values()), dtype=np.uint8))
+    _send_changes(stream, _lane(rows.name, "diagnostics"), rows.frames, states, style)
 
 
-def _log_spans(
-    stream: rr.RecordingStream,
-    rows: CameraRows,
-    lane: str,
-    text: str,
-    span_ns: tuple[IntArray, IntArray],
-    colour: tuple[int, int, int],
-) -> None:
-    """Log one state in the frames of some spans of time, and nothing between them."""
-    log_time_ns = np.maximum.accumulate(rows.frames.log_time_ns)
-    first = np.searchsorted(log_time_ns, span_ns[0], side="right") - 1
-    last = np.searchsorted(log_time_ns, span_ns[1], side="right") - 1
-    covered = np.zeros(len(log_time_ns) + 2, dtype=np.int64)
-    np.add.at(covered, np.maximum(first, 0), 1)
-    np.add.at(covered, np.maximum(last, 0) + 1, -1)
-    there = np.cumsum(covered)[: len(log_time_ns)] > 0
-    states = np.full(len(there), None, dtype=object)
-    states[there] = title(text)
-    style = ([title(text)], np.array([colour], dtype=np.uint8))
-    _send_changes(stream, _lane(rows.name, lane), rows.frames, states, style)
+def _covered(frames: Frames, notes: list[Mapping[str, Any]]) -> IntArray:
+    """Return 1 for each frame that lies in the time of any of the notes, else 0."""
+    log_time_ns = np.maximum.accumulate(frames.log_time_ns)
+    begin_ns = np.array([note["log_time_ns"] for note in notes])
+    end_ns = np.array([note["end_time_ns"] or note["log_time_ns"] for note in notes])
+    first = np.searchsorted(log_time_ns, begin_ns, side="right") - 1
+    last = np.searchsorted(log_time_ns, end_ns, side="right") - 1
+    steps = np.zeros(len(log_time_ns) + 1, dtype=np.int64)
+    np.add.at(steps, np.maximum(first, 0), 1)
+    np.add.at(steps, np.maximum(last, 0) + 1, -1)
+    return (np.cumsum(steps)[:-1] > 0).astype(np.int64)
 
 
 def log_marks(

@@ -55,6 +55,7 @@ def demo(
                 _print_against_truth(store, recording_id, outcome.path.name)
     print_run(result, database)
     _write_report(database, folder / "report.html")
+    out.print(f"look      stadimeter review --db {safe(database)} {safe(paths[-1].stem)}")
     out.print(f"next      stadimeter query --db {safe(database)} --view accuracy.by_aperture")
     return result.stored, result.failed, result.damaged
 

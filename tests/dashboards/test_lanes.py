@@ -10,7 +10,7 @@ import pytest
 
 from dashboards.columns import CameraRows, camera_rows
 from dashboards.errors import APART_FRAMES, WORST, errors_of, worst_errors
-from dashboards.lanes import HIDDEN, PREDICTED, SEEN, track_states
+from dashboards.lanes import HIDDEN, PREDICTED, SEEN, _covered, track_states
 from pipeline.records import CAMERAS, ESTIMATES, FRAMES, GROUND_TRUTH, OBSERVATIONS
 
 END = -1
@@ -129,3 +129,15 @@ def test_without_truth_there_are_no_errors() -> None:
     rows = rows_of([(1, 1, True)])
     assert worst_errors(rows) is None
     assert errors_of(rows, rows.best) == {}
+
+
+def test_diagnostics_cover_their_frames() -> None:
+    frames = rows_of([]).frames
+    notes = [
+        {"log_time_ns": 3, "end_time_ns": 5},
+        {"log_time_ns": 5, "end_time_ns": None},
+        {"log_time_ns": FRAME_COUNT + 9, "end_time_ns": None},
+        {"log_time_ns": -4, "end_time_ns": -2},
+    ]
+    covered = _covered(frames, notes)
+    assert np.flatnonzero(covered).tolist() == [0, 3, 4, 5, FRAME_COUNT - 1]
