@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.ahead import ahead
-from pipeline.blur.measure import Blur, blur_of
+from pipeline.blur.measure import Blur, expected, measure_frame, unmeasured
 from pipeline.config import Config, Limits
 from pipeline.detect import Detector, make_detector
 from pipeline.diagnostics import Notes, diagnostics_table
@@ -36,6 +36,7 @@ from pipeline.records import (
     CAMERAS,
     FRAMES,
     GROUND_TRUTH,
+    BoolArray,
     Diagnostic,
     Frame,
     Intrinsics,
@@ -80,7 +81,7 @@ class Kept(NamedTuple):
 
     seen: Seen
     frame_row: dict[str, object]
-    blur: Future[tuple[Blur, Spent]]
+    blur: Blur | Future[tuple[Blur, Spent]]
 
 
 class CameraStage:
@@ -151,6 +152,7 @@ class FirstPass:
         self.assembler = FrameAssembler(self.file, config.ingest, self.notes, config.camera)
         self.stages: dict[str, CameraStage] = {}
         self.batch: list[Kept] = []
+        self.blurring: deque[Future[tuple[Blur, Spent]]] = deque()
         self.start_time_ns: int | None = None
         self.end_time_ns: int | None = None
         self.frame_count = 0
@@ -285,15 +287,25 @@ class FirstPass:
         with self.times.stage("measure"):
             lens = self._lens(seen.frame, seen.picture)
             row = self._frame_row(seen, lens)
-            return Kept(seen.without_pixels(), row, pool.submit(self._blur, seen, lens))
+            worth = expected(seen.boxes, lens, self.config, seen.frame.camera)
+            if not worth.any():
+                return Kept(seen.without_pixels(), row, unmeasured(len(seen.boxes), lens))
+        blur = pool.submit(self._blur, seen, worth, lens)
+        self.blurring.append(blur)
+        # Each that waits holds a picture: no more of them than of frames decoded ahead.
+        if len(self.blurring) > 2 * self.threads + 2:
+            with self.times.stage("wait for blur"):
+                self.blurring.popleft().result()
+        return Kept(seen.without_pixels(), row, blur)
 
-    def _blur(self, seen: Seen, lens: Lens) -> tuple[Blur, Spent]:
-        """Measure how blurred the boxes of a frame are, where its lens data say that it can tell."""
-        frame, picture = seen.frame, seen.picture
+    def _blur(self, seen: Seen, worth: BoolArray, lens: Lens) -> tuple[Blur, Spent]:
+        """Measure how blurred the boxes of a frame are that its lens data say can tell."""
+        frame = seen.frame
         with Stopwatch() as watch:
-            blur = blur_of(
-                picture,
+            blur = measure_frame(
+                seen.picture,
                 seen.boxes,
+                worth,
                 lens,
                 self.config,
                 frame.camera,
@@ -312,6 +324,9 @@ class FirstPass:
             return
         blurs = []
         for kept in batch:
+            if isinstance(kept.blur, Blur):
+                blurs.append(kept.blur)
+                continue
             blur, spent = kept.blur.result()
             blurs.append(blur)
             self.times.add("blur", spent)

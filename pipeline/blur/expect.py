@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from enum import StrEnum
+from functools import lru_cache
 
 import numpy as np
 
@@ -75,13 +76,10 @@ def resolvable(
     An object of a size between known bounds, as large in the picture as its box, is between two
     depths; blur goes up from the plane of focus to either side, so one of the two has the most.
     """
-    floor_px, std_px = floor_of(lens, config.camera_named(camera))
-    pitch_um = math.sqrt(lens.pixel_pitch_x_um * lens.pixel_pitch_y_um)
-    limit_um = resolvable_radius(floor_px, std_px) * pitch_um
-    per_dioptre_um = radius_per_dioptre_um(
-        lens.focal_length_mm, lens.f_number, lens.focus_distance_m
+    settings = config.camera_named(camera)
+    least, at_focus, v_mm = _least_dioptres(
+        lens, settings.blur_floor_px, settings.blur_floor_std_px
     )
-    v_mm = float(image_distance_mm(lens.focus_distance_m, lens.focal_length_mm))
     sides_mm = (bbox_xyxy_px[:, 2:] - bbox_xyxy_px[:, :2]) * (
         np.array([lens.pixel_pitch_x_um, lens.pixel_pitch_y_um]) * 1e-3
     )
@@ -90,8 +88,18 @@ def resolvable(
     sizes_m = np.array([b[1:] for b in bounds], dtype=np.float64).reshape(-1, 2)
     o_mm = np.where(side == 2, sides_mm.max(axis=1), sides_mm[np.arange(len(side)), side % 2])
     depths_m = np.maximum(v_mm * sizes_m / o_mm[:, None], lens.focal_length_mm * 2e-3)
-    away = np.abs(1.0 / depths_m - dioptres(lens.focus_distance_m)).max(axis=1)
-    return np.asarray(away * per_dioptre_um > limit_um)
+    return np.asarray(np.abs(1.0 / depths_m - at_focus).max(axis=1) > least)
+
+
+@lru_cache(maxsize=256)
+def _least_dioptres(lens: Lens, floor_px: float, floor_std_px: float) -> tuple[float, float, float]:
+    """Return how far from the plane of focus blur is resolved, that plane, both in 1/m, and v in mm."""
+    settings = CameraConfig("", blur_floor_px=floor_px, blur_floor_std_px=floor_std_px)
+    pitch_um = math.sqrt(lens.pixel_pitch_x_um * lens.pixel_pitch_y_um)
+    limit_um = float(resolvable_radius(*floor_of(lens, settings))) * pitch_um
+    s_m, f_mm = lens.focus_distance_m, lens.focal_length_mm
+    per_dioptre_um = float(radius_per_dioptre_um(f_mm, lens.f_number, s_m))
+    return limit_um / per_dioptre_um, float(dioptres(s_m)), float(image_distance_mm(s_m, f_mm))
 
 
 def _size_bounds(name: str, config: Config, camera: str) -> tuple[int, float, float]:

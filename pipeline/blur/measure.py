@@ -66,18 +66,16 @@ def expected(boxes: Boxes, lens: Lens, config: Config, camera: str) -> np.ndarra
     return resolvable(boxes.bbox_xyxy_px, boxes.class_name, lens, config, camera)
 
 
-def blur_of(
+def measure_frame(
     picture: Picture | None,
     boxes: Boxes,
+    worth: np.ndarray,
     lens: Lens,
     config: Config,
     camera: str,
     decode_whole: Callable[[], Picture],
 ) -> Blur:
-    """Measure the boxes of a frame; the picture is decoded at its stored size only where it can tell."""
-    worth = expected(boxes, lens, config, camera)
-    if not worth.any():
-        return unmeasured(len(boxes), lens)
+    """Measure the boxes that are worth it, in the picture at its stored size, decoded if need be."""
     if picture is None:
         return Blur.declined([Declined.NO_PICTURE] * len(boxes))
     if picture.reduction > 1:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.blur.expect import Declined
-from pipeline.blur.measure import MAX_BOXES, blur_of, expected, measure
+from pipeline.blur.measure import MAX_BOXES, expected, measure, measure_frame, unmeasured
 from pipeline.config import Config
 from pipeline.errors import UndecodableImage
 from pipeline.picture import Picture
@@ -86,6 +86,14 @@ def test_a_crowd_is_measured_up_to_a_number():
     blur = measure(square(2.0), boxes(*many), np.ones(len(many), dtype=bool), FAST, CONFIG, "cam")
     assert blur.reason.count(Declined.TOO_MANY) == 3
     assert [blur.reason[i] for i in range(3)] == [Declined.TOO_MANY] * 3  # the smallest
+
+
+def blur_of(picture, given, lens, config, camera, decode):
+    """Do what pass 1 does with a frame."""
+    worth = expected(given, lens, config, camera)
+    if not worth.any():
+        return unmeasured(len(given), lens)
+    return measure_frame(picture, given, worth, lens, config, camera, decode)
 
 
 def picture_of(bgr, reduction):
