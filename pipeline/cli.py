@@ -212,6 +212,9 @@ def _add_inspect(commands: Commands[argparse.ArgumentParser]) -> None:
     )
     parser.add_argument("recording", type=Path, metavar="RECORDING")
     parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")
+    parser.add_argument(
+        "--whole", action="store_true", help="read and check every byte of a large recording too"
+    )
     parser.set_defaults(function=_inspect)
 
 
@@ -222,7 +225,7 @@ def _inspect(arguments: argparse.Namespace) -> int:
 
     if not arguments.recording.is_file():
         raise UsageError("there is no such file", where=Where(arguments.recording))
-    found = survey(arguments.recording, load_config(arguments.camera))
+    found = survey(arguments.recording, load_config(arguments.camera), whole=arguments.whole)
     print_survey(found)
     return DAMAGED if found.notes.lost_data else DONE
 

@@ -159,7 +159,8 @@ def _remark(track: Mapping[str, object]) -> str:
 
 def print_survey(survey: Survey) -> None:
     """Print what is in a recording, what is missing, and what is damaged."""
-    out.print(f"{safe(survey.path)}: {survey.size_bytes:,} bytes, sha256 {survey.content_sha256}")
+    known = f"sha256 {survey.content_sha256}" if survey.is_whole else "a quick look"
+    out.print(f"{safe(survey.path)}: {survey.size_bytes:,} bytes, {known}", soft_wrap=True)
     channels = [
         [c.topic, c.schema_name, c.message_encoding, f"{c.message_count:,}", c.kind or "not read"]
         for c in survey.channels
@@ -179,8 +180,25 @@ def print_survey(survey: Survey) -> None:
         times = f" ({note.count:,} times)" if note.count > 1 else ""
         text = f"{note.severity}{where}{topic}: {note.message}{times}"
         out.print(safe(text), style=colour or None, soft_wrap=True)
-    if not any(n.severity is not Severity.INFO for n in survey.notes):
+    if not survey.is_whole:
+        _print_quick(survey)
+    elif not any(n.severity is not Severity.INFO for n in survey.notes):
         out.print("no damage found; every CRC that the file has fits")
+
+
+def _print_quick(survey: Survey) -> None:
+    counted = (
+        "it has no summary: the counts are of that part"
+        if survey.span_ns is None
+        else f"by its summary it lasts {survey.span_ns / 1e9:,.1f} s, and the counts of messages are "
+        "of all of it"
+    )
+    out.print(
+        f"read and checked up to byte {survey.read_bytes:,}; {counted}; --whole reads and checks "
+        "every byte",
+        style="yellow",
+        soft_wrap=True,
+    )
 
 
 def _print_camera(camera: CameraSurvey) -> None:
@@ -190,6 +208,16 @@ def _print_camera(camera: CameraSurvey) -> None:
         f" ({camera.frame_rate:.2f} a second, longest gap {camera.largest_gap_ns / 1e9:.2f} s)",
         style="bold",
     )
+    if camera.picture:
+        out.print(f"  pictures {safe(camera.picture)}, {camera.image_bytes / 1e6:,.1f} MB")
+    if camera.clock_steps:
+        out.print(f"  the clock was set {camera.clock_steps:,} times", style="yellow")
+    if camera.pose is not None:
+        pose = camera.pose
+        out.print(
+            f"  by the transforms {pose.height_m:.2f} m above {safe(pose.ground_frame)!r}, tilted by "
+            f"{math.degrees(pose.tilt_rad):.1f} degrees, rolled by {math.degrees(pose.roll_rad):.1f}"
+        )
     k = camera.intrinsics
     if k is not None:
         out.print(

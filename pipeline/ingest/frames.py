@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -115,7 +115,7 @@ class FrameAssembler:
             if channel_id in channels and kind_of(channels[channel_id]) in (Kind.IMAGE, Kind.VIDEO)
         )
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Generator[Frame, None, None]:
         for raw in self.file.messages():
             source = self._channels.source(raw)
             if source.decoder is not None or source.named:

@@ -220,6 +220,14 @@ def read_data_crc(body: bytes | memoryview) -> int:
     return crc
 
 
+def read_time_range(body: bytes | memoryview) -> tuple[int, int]:
+    """Return the first and the last log time of a file, by its statistics."""
+    fields = Fields(body)
+    fields.take(26)
+    start_ns, end_ns = fields.numbers("QQ")
+    return start_ns, end_ns
+
+
 def read_footer(body: bytes | memoryview) -> Footer:
     """Return the footer."""
     return Footer(*Fields(body).numbers("QQI"))

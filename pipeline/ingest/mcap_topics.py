@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 from mcap.opcode import Opcode
@@ -18,6 +19,8 @@ from pipeline.ingest.mcap_format import (
     read_channel,
     read_footer,
     read_schema,
+    read_statistics,
+    read_time_range,
 )
 from pipeline.records import Severity
 
@@ -137,8 +140,36 @@ class Topics:
             self.add_channel(body, offset)
 
 
+class Statistics(NamedTuple):
+    """What the summary at the end of a file says of the whole of it."""
+
+    channels: dict[int, ChannelInfo]
+    message_counts: dict[int, int]
+    start_ns: int
+    end_ns: int
+
+
+def statistics_of(path: Path, limits: Limits) -> Statistics | None:
+    """Return what the summary says without reading the rest; None if it is not there or damaged."""
+    topics = Topics(limits, lambda *_: None)
+    with ForwardFile(path) as source:
+        topics.source = source
+        topics.from_summary(-1, None)
+        bodies = [
+            b for o, b in _summary_records(source, limits.record_bytes) if o == Opcode.STATISTICS
+        ]
+    if not bodies:
+        return None
+    try:
+        counts = read_statistics(bodies[0])
+        start_ns, end_ns = read_time_range(bodies[0])
+    except Malformed:
+        return None
+    return Statistics(topics.channels, counts, start_ns, end_ns)
+
+
 def _summary_records(source: ForwardFile, limit: int) -> Iterator[tuple[int, bytes]]:
-    """Yield schemas and channels of the summary, if it is there and its CRC fits."""
+    """Yield schemas, channels and statistics of the summary, if it is there and its CRC fits."""
     found = _footer(source)
     if found is None:
         return
@@ -155,7 +186,7 @@ def _summary_records(source: ForwardFile, limit: int) -> Iterator[tuple[int, byt
     while position + FRAMING.size <= size:
         opcode, length = FRAMING.unpack_from(summary, position)
         position += FRAMING.size
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS):
             yield opcode, summary[position : position + length]
         position += length
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,7 +12,21 @@ from pipeline.ingest.decode.content import Kind
 from pipeline.ingest.decode.registry import kind_of
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.mcap_records import McapFile
+from pipeline.ingest.mcap_topics import Statistics, statistics_of
+from pipeline.ingest.pose import CameraPose
+from pipeline.picture_header import image_size
 from pipeline.records import EXPOSURE_FIELDS, Exposure, Frame, Intrinsics, Pairing
+
+# What can be read and checked in about a second; of more, a part is read unless all is asked for.
+QUICK_BYTES = 256 * 1024**2
+# Between two frames the way from the sensor into the log changes by less, if no clock is set.
+CLOCK_STEP_NS = 500_000_000
+
+
+def _picture_of(frame: Frame) -> str:
+    layout = frame.layout
+    size = image_size(frame.image) if layout is None else (layout.width_px, layout.height_px)
+    return frame.image_format + (f" {size[0]}x{size[1]}" if size else "")
 
 
 @dataclass(slots=True)
@@ -39,8 +54,12 @@ class CameraSurvey:
     intrinsics: Intrinsics | None = None
     exposure_pairings: dict[Pairing, int] = field(default_factory=dict)
     exposure_ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    picture: str = ""  # what the first one is: its encoding and, if it states one, its size
+    clock_steps: int = 0  # times at which capture and log time part by more than `CLOCK_STEP_NS`
+    pose: CameraPose | None = None
     truth_count: int = 0
     detection_count: int = 0
+    _delay_ns: int = 0
 
     @property
     def frame_rate(self) -> float:
@@ -53,8 +72,12 @@ class CameraSurvey:
         if self.frame_count:
             gap_ns = frame.capture_time_ns - self.last_time_ns
             self.largest_gap_ns = max(self.largest_gap_ns, gap_ns)
+            delay_ns = frame.log_time_ns - frame.capture_time_ns
+            self.clock_steps += abs(delay_ns - self._delay_ns) > CLOCK_STEP_NS
         else:
             self.first_time_ns = frame.capture_time_ns
+            self.picture = _picture_of(frame)
+        self._delay_ns = frame.log_time_ns - frame.capture_time_ns
         self.last_time_ns = frame.capture_time_ns
         self.frame_count += 1
         self.image_bytes += len(frame.image)
@@ -88,47 +111,82 @@ class CameraSurvey:
 
 @dataclass(slots=True)
 class Survey:
-    """What `stadimeter inspect` tells of a recording."""
+    """What `stadimeter inspect` tells of a recording.
+
+    Of a large one a part was read, up to `read_bytes`; `span_ns` is then what its summary says.
+    """
 
     path: Path
     size_bytes: int
-    content_sha256: str
+    read_bytes: int
+    content_sha256: str | None
     channels: list[ChannelSurvey]
     cameras: list[CameraSurvey]
     metadata: dict[str, dict[str, str]]
     notes: Notes
+    span_ns: int | None = None
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every byte was read, and every CRC checked."""
+        return self.content_sha256 is not None
 
 
-def survey(path: Path, config: Config) -> Survey:
-    """Read a whole recording, every CRC checked, no picture decoded.
+def survey(path: Path, config: Config, *, whole: bool = True) -> Survey:
+    """Read a recording with every CRC checked and no picture decoded.
+
+    Args:
+        path: the recording.
+        config: limits, and cameras that name fields.
+        whole: read all of it; else a large one is read up to `QUICK_BYTES`, and its summary.
 
     Raises:
         NotARecording: the file is empty, or is no MCAP.
     """
     notes = Notes()
     file = McapFile(path, config.limits, notes.add)
+    whole = whole or file.size_bytes <= QUICK_BYTES
     assembler = FrameAssembler(file, config.ingest, notes, config.camera, decode_video=False)
     cameras: dict[str, CameraSurvey] = {}
-    for frame in assembler:
-        seen = cameras.setdefault(frame.camera, CameraSurvey(frame.camera, frame.topic))
-        seen.add(frame)
-    channels = [
+    reached = 0
+    with closing(iter(assembler)) as frames:
+        for frame in frames:
+            seen = cameras.setdefault(frame.camera, CameraSurvey(frame.camera, frame.topic))
+            seen.add(frame)
+            reached = max(reached, frame.byte_offset)
+            if not whole and reached > QUICK_BYTES:
+                break
+        else:
+            whole = True
+    for camera in cameras.values():
+        camera.pose = assembler.poses.get(camera.camera)
+    statistics = None if whole else statistics_of(path, config.limits)
+    return Survey(
+        path,
+        file.size_bytes,
+        file.size_bytes if whole else reached,
+        file.content_sha256 if whole else None,
+        _channels(file, statistics),
+        list(cameras.values()),
+        {record.name: dict(record.metadata) for record in file.metadata},
+        notes,
+        statistics.end_ns - statistics.start_ns if statistics else None,
+    )
+
+
+def _channels(file: McapFile, statistics: Statistics | None) -> list[ChannelSurvey]:
+    """Return the channels by topic, with the counts of the summary where there is one."""
+    known = dict(file.channels)
+    if statistics is not None:
+        known |= statistics.channels
+    counts = file.message_counts if statistics is None else statistics.message_counts
+    return [
         ChannelSurvey(
             info.topic,
             info.schema_name,
             info.message_encoding,
             kind_of(info),
-            file.message_counts.get(channel_id, 0),
+            counts.get(channel_id, 0),
         )
-        for channel_id, info in sorted(file.channels.items(), key=lambda item: item[1].topic)
+        for channel_id, info in sorted(known.items(), key=lambda item: item[1].topic)
     ]
-    metadata = {record.name: dict(record.metadata) for record in file.metadata}
-    return Survey(
-        path,
-        file.size_bytes,
-        file.content_sha256,
-        channels,
-        list(cameras.values()),
-        metadata,
-        notes,
-    )
