@@ -39,7 +39,8 @@ class Declined(StrEnum):
     """Why an object has no blur."""
 
     LENS_UNKNOWN = "lens_unknown"  # f-number, focal length, focus distance or pixel pitch
-    UNRESOLVABLE = "unresolvable"  # no depth at which it can be blurs more than the lens itself
+    # At no depth where it can be would it blur more than the lens does, or its box is too small.
+    UNRESOLVABLE = "unresolvable"
     NO_EDGES = "no_edges"  # or too few that are steps, or clipped
     TOO_WIDE = "too_wide"  # the blur of one side of the object reaches the other
     MOTION = "motion"  # edges across one direction are softer than along it
@@ -83,6 +84,8 @@ def resolvable(
     sides_mm = (bbox_xyxy_px[:, 2:] - bbox_xyxy_px[:, :2]) * (
         np.array([lens.pixel_pitch_x_um, lens.pixel_pitch_y_um]) * 1e-3
     )
+    if not len(bbox_xyxy_px):
+        return np.zeros(0, dtype=np.bool_)
     bounds = [_size_bounds(name, config, camera) for name in class_name]
     side = np.array([b[0] for b in bounds], dtype=np.intp)
     sizes_m = np.array([b[1:] for b in bounds], dtype=np.float64).reshape(-1, 2)

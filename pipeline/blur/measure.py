@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.blur.edges import CELL_PX, MAX_LEVELS, REACH_PX, edges_of
+from pipeline.blur.edges import CELL_PX, MAX_LEVELS, MIN_SIDE_PX, REACH_PX, edges_of
 from pipeline.blur.expect import Declined, floor_of, known, resolvable
 from pipeline.blur.spread import Widths, widths_of
 from pipeline.config import Config
@@ -63,7 +63,14 @@ def expected(boxes: Boxes, lens: Lens, config: Config, camera: str) -> np.ndarra
     """Return which boxes are worth measuring, (n,); none where the lens is not known."""
     if not len(boxes) or not known(lens):
         return np.zeros(len(boxes), dtype=np.bool_)
-    return resolvable(boxes.bbox_xyxy_px, boxes.class_name, lens, config, camera)
+    box = boxes.bbox_xyxy_px
+    with np.errstate(invalid="ignore"):
+        side = np.minimum(box[:, 2] - box[:, 0], box[:, 3] - box[:, 1])
+    rows = np.flatnonzero(np.isfinite(box).all(axis=1) & (side >= MIN_SIDE_PX))
+    names = tuple(boxes.class_name[i] for i in rows)
+    worth = np.zeros(len(boxes), dtype=np.bool_)
+    worth[rows] = resolvable(box[rows], names, lens, config, camera)
+    return worth
 
 
 def measure_frame(

@@ -251,7 +251,7 @@ COMMENT ON COLUMN observations.luminance IS 'Mean relative luminance inside the 
 COMMENT ON COLUMN observations.blur_sigma_px IS 'How blurred the object''s edges are: standard deviation of the spread of a step, pixels of the stored picture, the camera''s own softness included. NULL where it was not measured; blur_reason says why.';
 COMMENT ON COLUMN observations.blur_std_px IS 'Its standard deviation, by how much the object''s edges differ.';
 COMMENT ON COLUMN observations.blur_edge_count IS 'How many edges went in.';
-COMMENT ON COLUMN observations.blur_reason IS 'Why there is no blur: lens_unknown (f-number, focal length, focus distance or pitch), unresolvable (at no depth where it can be would it blur more than the lens does: its pixels were not looked at), no_edges, too_wide (blurred over too much of itself), motion, too_many (in one frame), no_picture.';
+COMMENT ON COLUMN observations.blur_reason IS 'Why there is no blur: lens_unknown (f-number, focal length, focus distance or pitch), unresolvable (at no depth where it can be would it blur more than the lens does, or its box is too small: its pixels were not looked at), no_edges, too_wide (blurred over too much of itself), motion, too_many (in one frame), no_picture.';
 
 CREATE TABLE IF NOT EXISTS estimates (
     recording_id        VARCHAR NOT NULL,

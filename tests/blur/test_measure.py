@@ -1,7 +1,10 @@
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pipeline.blur.expect import Declined
 from pipeline.blur.measure import MAX_BOXES, expected, measure, measure_frame, unmeasured
@@ -152,3 +155,25 @@ def test_what_is_expected_depends_on_size_and_lens():
     people = boxes(small, large, name="person")
     assert expected(people, FAST, CONFIG, "cam").tolist() == [False, True]
     assert not expected(people, replace(FAST, f_number=16.0), CONFIG, "cam").any()
+
+
+PICTURE = picture_of(square(2.0), 1)
+NUMBERS = st.floats(-1e4, 1e4) | st.sampled_from([0.0, np.nan, np.inf, -np.inf, 299.5, 1e12])
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=4))
+def test_whatever_a_box_is_it_gets_a_blur_or_a_reason(rows):
+    given_boxes = boxes(*np.array(rows, dtype=float))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        blur = blur_of(PICTURE, given_boxes, FAST, CONFIG, "c", no_decoding)
+    for sigma, reason in zip(blur.sigma_px, blur.reason, strict=True):
+        assert (reason is None) == np.isfinite(sigma)
+
+
+@given(st.integers(1, 60), st.integers(1, 60))
+def test_pictures_of_any_size_are_looked_at(width, height):
+    bgr = np.zeros((height, width, 3), np.uint8)
+    blur = blur_of(picture_of(bgr, 1), boxes(BOX), FAST, CONFIG, "c", no_decoding)
+    assert blur.reason[0] is not None
