@@ -209,7 +209,7 @@ def tracks_text(tables: Mapping[str, pa.Table], cameras: Sequence[CameraRows]) -
         if key not in best or rank.get(row["method"], 99) < rank.get(best[key]["method"], 99):
             best[key] = row
     if not best:
-        return "No track has a distance."
+        return _tracks_without_distance(tables["tracks"])
     about = {(row["camera"], row["track_id"]): row for row in tables["tracks"].to_pylist()}
     true = _true_of_tracks(cameras)
     head = ["camera"] if len(cameras) > 1 else []
@@ -242,6 +242,19 @@ def tracks_text(tables: Mapping[str, pa.Table], cameras: Sequence[CameraRows]) -
     return "\n".join(lines)
 
 
+def _tracks_without_distance(tracks: pa.Table) -> str:
+    """Return what there is to say of tracks that no method applies to."""
+    lines = ["No track has a distance: no method applies. About says what is known of the camera."]
+    if tracks.num_rows:
+        head = ["camera", "track", "class", "frames", "first", "last"]
+        lines += ["", _table_row(head), _table_row([":--"] * len(head))]
+    for row in tracks.slice(0, MAX_ROWS).to_pylist():
+        named = (markdown(row["camera"]), f"#{row['track_id']}", markdown(row["class_name"] or ""))
+        numbers = (row["observation_count"], row["first_frame_index"], row["last_frame_index"])
+        lines.append(_table_row([*named, *map(str, numbers)]))
+    return "\n".join(lines)
+
+
 def _true_of_tracks(cameras: Sequence[CameraRows]) -> dict[tuple[str, int], tuple[str, str]]:
     """Return the true height of each matched track, and the median error of its depth."""
     found = {}
@@ -267,7 +280,8 @@ def _median_text(values: FloatArray, form: str, unit: str) -> str:
 
 
 def _height_text(row: Mapping[str, Any]) -> str:
-    text = with_interval(row["height_m"], row["height_std_m"], 2)
+    is_fine = row["height_std_m"] is not None and Z_95 * row["height_std_m"] < 0.03
+    text = with_interval(row["height_m"], row["height_std_m"], 3 if is_fine else 2)
     if text and row["height_assumed"]:
         return f"{text} assumed"
     if text and row.get("height_plausible") is False:

@@ -39,13 +39,15 @@ def with_interval(value_m: FloatArray, std_m: FloatArray) -> pa.Array:
     """Return `12.4 ± 0.9 m`, (n,): rounded to what the interval allows; no interval, no ±."""
     half_m = Z_95 * std_m
     texts = []
-    for digits in (0, 1, 2):
+    for digits in range(4):
         value = _joined(_decimal(value_m, digits), f"{NO_BREAK}m")
         between = _joined(_decimal(value_m, digits), f"{NO_BREAK}±{NO_BREAK}")
         both = _joined(_joined(between, _decimal(half_m, digits)), f"{NO_BREAK}m")
         texts.append(pc.if_else(pa.array(np.isfinite(half_m)), both, value))
-    coarse, fine = pa.array(half_m >= 3), pa.array(half_m >= 0.3)
-    return pc.if_else(coarse, texts[0], pc.if_else(fine, texts[1], texts[2]))
+    shown = pc.if_else(pa.array(half_m < 0.03), texts[3], texts[2])
+    for digits, least_m in ((1, 0.3), (0, 3.0)):
+        shown = pc.if_else(pa.array(half_m >= least_m), texts[digits], shown)
+    return shown
 
 
 def _decimal(values: FloatArray, digits: int) -> pa.Array:

@@ -46,6 +46,7 @@ def test_whole_labels_never_lie_on_others(people: list[tuple[int, int, int, int]
         (12.44, 0.05, "12.44 ± 0.10 m"),
         (12.44, 0.5, "12.4 ± 1.0 m"),
         (12.44, 2.0, "12 ± 4 m"),
+        (0.098, 0.001, "0.098 ± 0.002 m"),
         (12.44, np.nan, "12.44 m"),
     ],
 )
