@@ -14,19 +14,20 @@ from typing import Any
 
 from pipeline.config import CameraConfig, IngestConfig
 from pipeline.diagnostics import Notes
-from pipeline.errors import MissingLibrary, UndecodableImage
+from pipeline.errors import MissingLibrary, UndecodableImage, UnsupportedChannel
 from pipeline.ingest.channels import Channels, Source
 from pipeline.ingest.decode.content import Decoded, EncodedImage, Kind, VideoPacket
 from pipeline.ingest.decode.exif import exif_block, exposure_of, read_tags
-from pipeline.ingest.decode.numbers import NamedNumber, named_numbers
+from pipeline.ingest.decode.numbers import named_numbers
 from pipeline.ingest.decode.registry import kind_of
-from pipeline.ingest.decode.tree import UndecodableMessage, time_of
-from pipeline.ingest.exposure import check_exposure
+from pipeline.ingest.decode.tree import UndecodableMessage
 from pipeline.ingest.lanes import Lane, Paired
 from pipeline.ingest.mcap_records import MAX_TIME_NS, McapFile, RawMessage
+from pipeline.ingest.named_exposure import NamedExposure, filled
 from pipeline.ingest.plausible import refuse_implausible
 from pipeline.ingest.pose import CameraPose, TransformTree, UnusablePose
-from pipeline.ingest.video_stream import READ_CODECS, Out, Times, VideoStream
+from pipeline.ingest.video_stream import Out, Times
+from pipeline.ingest.videos import Videos
 from pipeline.picture_header import image_size
 from pipeline.raw_image import has_wide_samples, samples
 from pipeline.records import (
@@ -42,7 +43,7 @@ from pipeline.records import (
 
 MAX_WAITING = 64  # pictures, where log times make no sense; `Limits` bounds their bytes
 # How many bits of a sample of 16 a sensor's converter fills.
-SAMPLE_BITS = (8, 10, 12, 14, 16)
+SAMPLE_BITS = (10, 12, 14, 16)
 
 
 @dataclass(order=True, slots=True)
@@ -93,12 +94,11 @@ class FrameAssembler:
         self._order = 0
         self._frame_counts: dict[str, int] = {}
         self._channels = Channels(file.limits, named_numbers(cameras), self._tell)
-        self._named: dict[str, dict[NamedNumber, Lane[float]]] = {}
+        self._named = NamedExposure(file.limits.waiting_values)
         self._transforms = TransformTree(config.ground_frame)
         self._posed: dict[str, int] = {}  # camera -> version of the transforms
         self._decode_video = decode_video
-        self._streams: dict[str, VideoStream[RawMessage]] = {}
-        self._damage_seen = 0
+        self._videos = Videos(file)
         self._sample_bits: dict[str, int] = {}
 
     def has_detections(self, camera: str) -> bool:
@@ -121,9 +121,8 @@ class FrameAssembler:
             if source.decoder is not None or source.named:
                 self._take(source, raw)
                 yield from self._release()
-        for topic, stream in self._streams.items():
-            for out in stream.flush():
-                self._enqueue_decoded(topic, out)
+        for out in self._videos.flush():
+            self._enqueue_decoded(out)
         while self._waiting:
             yield self._assemble(self._next_waiting())
 
@@ -140,7 +139,8 @@ class FrameAssembler:
         self._newest_ns = max(self._newest_ns, raw.log_time_ns)
         try:
             if source.named:
-                self._take_numbers(source, raw)
+                for sentence in self._named.add(source, raw):
+                    self._note(Severity.WARNING, "absent_field", sentence, raw)
             if source.decoder is not None:
                 self._take_message(kind, source.decoder(raw.data), raw)
         except UndecodableMessage as error:
@@ -167,25 +167,6 @@ class FrameAssembler:
             if lane is not None:
                 stated_ns = message.capture_time_ns
                 lane.add(raw.log_time_ns if stated_ns is None else stated_ns, payload)
-
-    def _take_numbers(self, source: Source, raw: RawMessage) -> None:
-        """Keep the numbers that a camera file names, each for its camera."""
-        assert source.reader is not None  # noqa: S101  (narrowing)
-        tree = source.reader(raw.data)
-        time_ns = time_of(tree)
-        if time_ns is not None and not 0 < time_ns <= MAX_TIME_NS:
-            time_ns = None
-        for named, topic in source.named:
-            value = named.value(tree, topic)
-            if math.isnan(value):
-                self._note(Severity.WARNING, "absent_field", f"{named.spec!r} holds no number", raw)
-                continue
-            lanes = self._named.setdefault(named.camera, {})
-            if named not in lanes:
-                limit = self._limits.waiting_values
-                stated = time_ns is not None
-                lanes[named] = Lane(topic, "", by_capture_time=stated, limit=limit)
-            lanes[named].add(raw.log_time_ns if time_ns is None else time_ns, value)
 
     def _refuse(self, kind: Kind, code: str, problem: str, raw: RawMessage) -> None:
         if kind in (Kind.IMAGE, Kind.VIDEO):
@@ -214,49 +195,37 @@ class FrameAssembler:
             self._enqueue(image, Times(raw.log_time_ns, message.capture_time_ns), raw)
 
     def _with_bits(self, image: EncodedImage, layout: RawLayout, raw: RawMessage) -> EncodedImage:
-        """Tell how many bits of its samples a camera fills, by its first picture."""
+        """Tell how many bits of its samples a camera fills, by the brightest of its pictures."""
         topic = raw.channel.topic
-        if topic not in self._sample_bits:
-            try:
-                largest = int(samples(image.data, layout).max(initial=0))
-            except UndecodableImage:
-                return image  # it is reported when its turn comes
-            bits = next(b for b in SAMPLE_BITS if largest < 1 << b)
+        known = self._sample_bits.get(topic, 0)
+        try:
+            largest = int(samples(image.data, layout).max(initial=0))
+        except UndecodableImage:
+            return image  # it is reported when its turn comes
+        bits = max(known, next(b for b in SAMPLE_BITS if largest < 1 << b))
+        if bits != known:
             self._sample_bits[topic] = bits
-            if bits < SAMPLE_BITS[-1]:
-                text = f"the samples of 16 bits are taken as {bits} bits: the largest is {largest}"
+            if known or bits < SAMPLE_BITS[-1]:
+                text = f"from here on samples of 16 bits are taken as {bits} bits"
                 self._note(Severity.INFO, "assumed_bit_depth", text, raw)
-        return replace(image, layout=replace(layout, bits=self._sample_bits[topic]))
+        return replace(image, layout=replace(layout, bits=bits))
 
     def _enqueue_video(self, message: Decoded, packet: VideoPacket, raw: RawMessage) -> None:
         if self._camera(message, raw) is None:
             return
-        topic, times = raw.channel.topic, Times(raw.log_time_ns, message.capture_time_ns)
+        times = Times(raw.log_time_ns, message.capture_time_ns)
         if not self._decode_video:
             self._enqueue(EncodedImage(packet.codec, packet.data), times, raw)
             return
-        if packet.codec not in READ_CODECS:
-            text = f"video in {packet.codec!r} is not read (it is one of {', '.join(READ_CODECS)})"
-            self._refuse(Kind.VIDEO, "unsupported_channel", text, raw)
-            return
-        if self.file.damage_count != self._damage_seen:
-            self._damage_seen = self.file.damage_count
-            for stream in self._streams.values():
-                stream.lose()
         try:
-            known = self._streams.get(topic)
-            if known is None or known.codec != packet.codec:
-                known = VideoStream(packet.codec, self._limits.image_pixels)
-                self._streams[topic] = known
+            for out in self._videos.decode(packet, raw, times):
+                self._enqueue_decoded(out)
         except MissingLibrary as error:
             self._refuse(Kind.VIDEO, "missing_library", str(error), raw)
-            return
-        # The stream's results are told at this message; what belongs to them is kept apart.
-        bare = raw._replace(data=b"")
-        for out in known.decode(packet.data, bare, times):
-            self._enqueue_decoded(topic, out)
+        except UnsupportedChannel as error:
+            self._refuse(Kind.VIDEO, "unsupported_channel", error.problem, raw)
 
-    def _enqueue_decoded(self, topic: str, out: Out[RawMessage]) -> None:
+    def _enqueue_decoded(self, out: Out[RawMessage]) -> None:
         if out.problem:
             text = f"a frame of the video was left out: {out.problem}"
             self._note(Severity.ERROR, "video_gap", text, out.item)
@@ -340,7 +309,10 @@ class FrameAssembler:
         stand in the picture's own EXIF.
         """
         found: Paired[Exposure] | None = self._nearest_or_last(Kind.EXPOSURE, waiting)
-        found = self._with_named(waiting, found)
+        names = waiting.camera, waiting.topic
+        found, refused = self._named.fill(names, lambda lane: self._paired(lane, waiting), found)
+        for sentence in refused:
+            self._tell_of_picture(Severity.WARNING, "invalid_exposure", sentence, waiting)
         if waiting.image.layout is not None:
             return found
         block = exif_block(waiting.image.data)
@@ -353,29 +325,7 @@ class FrameAssembler:
         if found is None:
             known = any(not math.isnan(getattr(own, name)) for name in EXPOSURE_FIELDS)
             return Paired(own, Pairing.EMBEDDED, 0) if known else None
-        return found._replace(value=_filled(found.value, own))
-
-    def _with_named(
-        self, waiting: _Waiting, found: Paired[Exposure] | None
-    ) -> Paired[Exposure] | None:
-        camera = waiting.camera
-        lanes = self._named.get(camera) or self._named.get(waiting.topic)
-        if not lanes:
-            return found
-        values, pairings = dict[str, float](), list[Paired[float]]()
-        for named, lane in lanes.items():
-            paired = self._paired(lane, waiting)
-            if paired is not None:
-                values[named.field] = paired.value
-                pairings.append(paired)
-        if not pairings:
-            return found
-        exposure, refused = check_exposure(values)
-        for sentence in refused:
-            self._tell_of_picture(Severity.WARNING, "invalid_exposure", sentence, waiting)
-        farthest = max(pairings, key=lambda p: abs(p.offset_ns))
-        value = _filled(exposure, found.value) if found else exposure
-        return Paired(value, farthest.pairing, farthest.offset_ns)
+        return found._replace(value=filled(found.value, own))
 
     def _find_pose(self, waiting: _Waiting) -> None:
         """Learn the camera's pose from the transforms; say when it moves, or cannot be told."""
@@ -464,12 +414,6 @@ class FrameAssembler:
                 log_time_ns=min(raw.log_time_ns, MAX_TIME_NS),
             )
         )
-
-
-def _filled(first: Exposure, second: Exposure) -> Exposure:
-    """Return the first with what it leaves open from the second."""
-    unknown = [n for n in EXPOSURE_FIELDS if math.isnan(getattr(first, n))]
-    return replace(first, **{n: getattr(second, n) for n in unknown}) if unknown else first
 
 
 def _time_for(waiting: _Waiting, lane: Lane[Any] | None = None) -> int:

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL.TiffImagePlugin import IFDRational
 
 from pipeline.config import Config
 from pipeline.diagnostics import Notes
@@ -17,6 +19,7 @@ from pipeline.ingest.mcap_records import McapFile
 from pipeline.ingest.mcap_writer import RecordingWriter, image_message, timestamp
 from pipeline.records import Frame, Pairing
 from schemas.stadimeter_pb2 import CameraExposure, Detections, GroundTruth
+from tests.ingest.decode.test_exif import photo
 
 START_NS = 1_700_000_000_000_000_000
 MS = 1_000_000
@@ -208,3 +211,39 @@ def test_an_image_encoding_that_is_not_read_is_said_once(tmp_path: Path) -> None
     frames, notes = read(path)
     assert frames == []
     assert [(n.code, n.topic, n.count) for n in notes] == [("unsupported_channel", "/camera", 1)]
+
+
+def test_the_exif_of_a_picture_fills_what_no_message_tells(tmp_path: Path) -> None:
+    own = photo(FNumber=IFDRational(8, 1), FocalLength=IFDRational(35, 1))
+    path = tmp_path / "x.mcap"
+    with RecordingWriter(path) as w:
+        for ms in (0, 100):
+            w.write("/i", image_message(own, "jpeg", START_NS + ms * MS, "cam"), START_NS + ms * MS)
+        w.write("/e", exposure(100, 2.0), START_NS + 100 * MS)
+    frames, _ = read(path)
+    assert [f.exposure_pairing for f in frames] == [Pairing.EMBEDDED, Pairing.NEAREST]
+    assert [f.exposure.f_number for f in frames] == [8.0, 2.0]
+    assert [f.exposure.focal_length_mm for f in frames] == [35.0, 35.0]
+
+
+def test_the_bits_of_wide_samples_are_those_of_the_brightest_picture_so_far(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "x.mcap"
+    with RecordingWriter(path) as w:
+        for ms, largest in ((0, 0), (100, 4000), (200, 100)):
+            pixels = np.full((4, 6), largest, "<u2")
+            time_ns = START_NS + ms * MS
+            message = RawImage(
+                timestamp=timestamp(time_ns),
+                frame_id="cam",
+                width=6,
+                height=4,
+                encoding="mono16",
+                step=12,
+                data=pixels.tobytes(),
+            )
+            w.write("/i", message, time_ns)
+    frames, notes = read(path)
+    assert [f.layout and f.layout.bits for f in frames] == [10, 12, 12]
+    assert {n.code for n in notes} == {"assumed_bit_depth"}

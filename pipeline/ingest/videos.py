@@ -1,0 +1,51 @@
+"""The video streams of a recording, by topic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pipeline.errors import UnsupportedChannel
+from pipeline.ingest.decode.content import VideoPacket
+from pipeline.ingest.mcap_records import McapFile, RawMessage
+from pipeline.ingest.video_stream import READ_CODECS, Out, Times, VideoStream
+
+
+class Videos:
+    """Decodes packets in the order of the file; damage to the file is a gap in every stream."""
+
+    def __init__(self, file: McapFile) -> None:
+        self._file = file
+        self._streams: dict[str, VideoStream[RawMessage]] = {}
+        self._damage_seen = 0
+
+    def decode(
+        self, packet: VideoPacket, raw: RawMessage, times: Times
+    ) -> Iterator[Out[RawMessage]]:
+        """Yield the frames that are complete with a packet, each with its own message.
+
+        Raises:
+            UnsupportedChannel: no such video is read.
+            MissingLibrary: the library for it is not installed.
+        """
+        if packet.codec not in READ_CODECS:
+            raise UnsupportedChannel(
+                f"video in {packet.codec!r} is not read (it is one of {', '.join(READ_CODECS)})"
+            )
+        if self._file.damage_count != self._damage_seen:
+            self._damage_seen = self._file.damage_count
+            for stream in self._streams.values():
+                stream.lose()
+        topic = raw.channel.topic
+        known = self._streams.get(topic)
+        if known is None or known.codec != packet.codec:
+            if known is not None:
+                yield from known.flush()
+            known = VideoStream(packet.codec, self._file.limits.image_pixels)
+            self._streams[topic] = known
+        # What waits for its picture keeps its message, without the bytes.
+        yield from known.decode(packet.data, raw._replace(data=b""), times)
+
+    def flush(self) -> Iterator[Out[RawMessage]]:
+        """Yield what the decoders still hold back at the end of the file."""
+        for stream in self._streams.values():
+            yield from stream.flush()
