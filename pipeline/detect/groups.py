@@ -15,12 +15,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.detect.people import TOO_TALL, BoxArray, PersonScale
+from pipeline.detect.people import BoxArray, PersonScale
 from pipeline.picture import Image
 
 # Shares of a person's height, by the proportions of the body (Drillis and Contini 1966: shoulders 0.26
 # of the stature wide, head 0.13 high, hips at 0.53).
 WIDE = 0.5  # somebody who stands is 0.3 wide, a stride up to as much: from here on it may be two
+# A silhouette so much taller than a person is two, one behind the other. Statures differ by less, but
+# what is expected may be off: a tall person who is cut is worse than two who are not.
+STACKED = 1.45
 # Heads are 0.13 wide, so that two that are seen are no nearer; between them the outline falls by most of
 # a head.
 HEADS_APART, VALLEY, LOWEST_HEAD = 0.14, 0.1, 0.6
@@ -32,7 +35,7 @@ FILLED = 0.5  # of that: it is a person
 SHOULDERS = 0.26
 # Where the top of a head is sought, below and above where it should be. If nothing is above it, it is
 # seen; what goes on for longer than somebody is too tall is somebody else.
-CROWN = (0.2, 0.35)
+CROWN = (0.2, 0.45)
 REST = 0.3  # of the height, that must be left over to be somebody
 FOOT = 0.06  # of the height: the fewest pixels in a row that are a foot, and how much is one
 STRIDE = 0.4  # of the height: what a leg reaches up from a foot that is beside the body
@@ -65,7 +68,7 @@ def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale) -> Pieces:
         return whole
     expected = scale.height_px(boxes[:, 3], boxes[:, [0, 2]].mean(axis=1))
     size = boxes[:, 2:] - boxes[:, :2]
-    large = (size[:, 0] > WIDE * expected) | (size[:, 1] > TOO_TALL * expected)
+    large = (size[:, 0] > WIDE * expected) | (size[:, 1] > STACKED * expected)
     if not large.any():
         return whole
     found, unseen = [boxes[~large]], [whole.unseen[~large]]
@@ -80,7 +83,7 @@ def _several(box: BoxArray, mask: Image, scale: PersonScale) -> bool:
     """Return whether a silhouette is too tall for one person, or has more than one head."""
     tall = scale.tall_at(box[3], (box[0] + box[2]) / 2)
     x0, y0, x1, y1 = (int(v) for v in box)
-    if y1 - y0 > TOO_TALL * tall:
+    if y1 - y0 > STACKED * tall:
         return True
     lowest = max(y1 - round((LOWEST_HEAD - VALLEY) * tall), y0 + 1)  # of heads, and valleys
     columns = np.not_equal(mask[y0:lowest, x0:x1].T, 0, order="C")  # in a row, for speed

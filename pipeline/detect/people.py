@@ -27,12 +27,14 @@ ROUNDS = 3
 AGREE_FIRST, AGREE = 0.18, 0.12  # of the height: before and after the camera's roll is known
 ROLL = 0.1  # rad, of a camera, one sigma: for when all walk on one line
 SMALLEST_PX = 4.0
+# Cells in which the plane is put right by what is seen there, and by how much at most.
+CELL_PX, MIN_NEAR, LOCAL = 32, 10, (0.7, 1.6)
 MIN_SHARE = 0.4  # of the samples must agree
 # A person whose height grew by as much as the row of their feet stands straight below the camera.
 STEEPEST = 0.9
 
 # What is shorter than this is a part of a person, what is taller than that is more than one.
-PART, TOO_TALL = 0.8, 1.25
+PART, TOO_TALL = 0.8, 1.3
 
 # Head and legs of one person may be parted by a belt or a bag that looks like the background.
 GAP = 0.3  # of the joined height
@@ -51,6 +53,7 @@ class PersonScale:
         self._refit_at = MIN_SAMPLES
         self._plane: FloatArray | None = None
         self._terms: list[float] = []
+        self._local = np.ones((1, 1))
 
     @property
     def known(self) -> bool:
@@ -63,7 +66,9 @@ class PersonScale:
         if self._plane is None:
             return np.full(rows.shape, np.nan)
         level, down, across = self._plane
-        tall = level + down * rows + across * np.asarray(column, dtype=np.float64)
+        columns = np.asarray(column, dtype=np.float64)
+        at = (_cell(rows, self._local.shape[0]), _cell(columns, self._local.shape[1]))
+        tall = (level + down * rows + across * columns) * self._local[at]
         return np.where(tall > SMALLEST_PX, tall, np.nan)
 
     def tall_at(self, foot_row: float, column: float) -> float:
@@ -71,15 +76,17 @@ class PersonScale:
         if self._plane is None:
             return float("nan")
         level, down, across = self._terms
-        tall = level + down * foot_row + across * column
-        return tall if tall > SMALLEST_PX else float("nan")
+        at = (_cell(foot_row, self._local.shape[0]), _cell(column, self._local.shape[1]))
+        tall = (level + down * foot_row + across * column) * self._local[at]
+        return float(tall) if tall > SMALLEST_PX else float("nan")
 
     def foot_row(self, head_row: float, column: float) -> float:
         """Return the row of the feet below a head; NaN where it is not known."""
         if self._plane is None:
             return float("nan")
         level, down, across = self._plane
-        return float((head_row + level + across * column) / (1.0 - down))
+        first = (head_row + level + across * column) / (1.0 - down)
+        return head_row + self.tall_at(first, column)
 
     def learn(self, boxes: BoxArray) -> None:
         """Take silhouettes (n, 4), whole ones, that look like one upright person into account."""
@@ -128,6 +135,30 @@ class PersonScale:
         if 0 <= plane[1] < STEEPEST:
             self._plane = np.array([plane[0] - plane[2] * centre, plane[1], plane[2]])
             self._terms = self._plane.tolist()
+            self._local = _medians_nearby(
+                row, column, tall / np.maximum(design @ plane, SMALLEST_PX)
+            )
+
+
+def _cell(pixel: npt.ArrayLike, count: int) -> npt.NDArray[np.intp]:
+    """Return in which of so many cells pixels are; those beyond are in the last, or the first."""
+    return np.clip(np.asarray(pixel, dtype=np.float64) / CELL_PX, 0, count - 1).astype(np.intp)
+
+
+def _medians_nearby(row: FloatArray, column: FloatArray, ratio: FloatArray) -> FloatArray:
+    """Return the median ratio around each cell of the picture, 1 where there are few samples.
+
+    A wide lens bends the plane, and a ramp or a kerb is not on it.
+    """
+    rows, columns = (int(v.max() // CELL_PX) + 1 for v in (row, column))
+    medians = np.ones((rows, columns))
+    for i in range(rows):
+        for j in range(columns):
+            middle = (np.array([i, j]) + 0.5) * CELL_PX
+            near = np.hypot(row - middle[0], (column - middle[1]) / 2) < CELL_PX
+            if near.sum() >= MIN_NEAR:
+                medians[i, j] = np.median(ratio[near])
+    return np.clip(medians, *LOCAL)
 
 
 def join_parts(
