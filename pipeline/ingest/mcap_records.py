@@ -17,7 +17,6 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,19 +45,24 @@ from pipeline.ingest.mcap_format import (
     read_metadata,
     read_statistics,
 )
+from pipeline.ingest.mcap_losses import (
+    MAX_TIME_NS,
+    Losses,
+    Note,
+    count_messages,
+    record_name,
+    whole_records,
+)
 from pipeline.ingest.mcap_search import RecordSearch
 from pipeline.ingest.mcap_topics import ChannelInfo, Topics
-from pipeline.records import Diagnostic, Severity
+from pipeline.records import Severity
 
 __all__ = ["MAX_TIME_NS", "ChannelInfo", "McapFile", "Note", "RawMessage"]
 
-MAX_TIME_NS = 2**63 - 1  # what Arrow and DuckDB hold
 _BLOCK = 1 << 20
 # A chunk of a few kilobytes can hold millions of empty records; each would be told.
 _BAD_RECORDS = 1000
 _MOST_ATTACHMENTS = 100_000  # whose places are kept
-
-Note = Callable[[Diagnostic], None]
 
 
 # What is brought in the place of an MCAP, by its first bytes, and what helps.
@@ -87,15 +91,6 @@ class RawMessage(NamedTuple):
     sequence: int = 0
 
 
-class _LostChunk(NamedTuple):
-    """A chunk that was left out, until the message indexes behind it were read."""
-
-    offset: int
-    start_ns: int
-    end_ns: int
-    counts: Counter[int]  # messages by channel
-
-
 class McapFile:
     """One walk over the records of a file; afterwards the hash of all its bytes is known."""
 
@@ -106,17 +101,12 @@ class McapFile:
         self.metadata: list[MetadataRecord] = []
         self.attachments: list[tuple[int, int]] = []  # whose CRC fits: where they start, how long
         self.message_counts: Counter[int] = Counter()
-        self.lost_counts: Counter[int] = Counter()  # messages known to be lost, by channel
-        self.damage_count = 0  # rises wherever something was left out: a video has a gap there
         self.limits = limits
-        self._note = note
-        self._topics = Topics(limits, self._tell)
+        self._losses = Losses(note, self._channel_of)
+        self._topics = Topics(limits, self._losses.tell)
         self._source: ForwardFile
         self._search: RecordSearch
         self._sha256 = ""
-        self._lost_chunk: _LostChunk | None = None
-        self._gap: Diagnostic | None = None  # told when the time is known at which it ends
-        self._newest_ns: int | None = None
         self._stated_counts: dict[int, int] = {}
         self._metadata_bytes = 0
         self._crc_holds = True
@@ -125,6 +115,16 @@ class McapFile:
     def channels(self) -> dict[int, ChannelInfo]:
         """The channels that were met so far, by id."""
         return self._topics.channels
+
+    @property
+    def lost_counts(self) -> Counter[int]:
+        """How many messages are known to be lost, by channel."""
+        return self._losses.messages
+
+    @property
+    def damage_count(self) -> int:
+        """Rises wherever something was left out: a video has a gap there."""
+        return self._losses.count
 
     @property
     def content_sha256(self) -> str:
@@ -170,7 +170,7 @@ class McapFile:
             crc = source.crc if source.peek_next() in (Opcode.DATA_END, Opcode.FOOTER) else 0
             head = source.read(FRAMING.size)
             if len(head) < FRAMING.size:
-                self._truncated(offset, "the file ends without a footer")
+                self._losses.truncated(offset, "the file ends without a footer")
                 return
             opcode, length = FRAMING.unpack(head)
             length = self._mended(offset, opcode, length)
@@ -194,7 +194,7 @@ class McapFile:
                 continue
             body = source.read(length)
             if len(body) < length:
-                self._truncated(offset, "the file shrank while it was read")
+                self._losses.truncated(offset, "the file shrank while it was read")
                 return
             if opcode == Opcode.FOOTER:
                 if self._is_end(body, offset, crc):
@@ -206,7 +206,7 @@ class McapFile:
                 else:
                     yield from self._record(opcode, body, offset)
             except Malformed as error:
-                self._damaged_record(opcode, offset, error)
+                self._losses.damaged_record(opcode, offset, error)
 
     def _mended(self, offset: int, opcode: int, length: int) -> int:
         """Return the length of a record: what its own fields say, if only that leads on."""
@@ -219,9 +219,9 @@ class McapFile:
         after = offset + FRAMING.size
         if self._leads_on(after + length) or not self._leads_on(after + stated):
             return length
-        self._damage(
+        self._losses.damage(
             "wrong_length",
-            f"a {_name(opcode)} record claims {length:,} bytes and holds {stated:,}; it was read "
+            f"a {record_name(opcode)} record claims {length:,} bytes and holds {stated:,}; it was read "
             "by what it holds",
             offset,
         )
@@ -237,8 +237,8 @@ class McapFile:
         return self._search.starts_record(offset)
 
     def _record(self, opcode: int, body: bytes | memoryview, offset: int) -> Iterator[RawMessage]:
-        if self._lost_chunk is not None and opcode != Opcode.MESSAGE_INDEX:
-            self._tell_lost_chunk()
+        if opcode != Opcode.MESSAGE_INDEX:
+            self._losses.end_of_indexes(self._topics.first_id)
         if opcode == Opcode.CHUNK:
             yield from self._chunk(read_chunk(body), offset)
         elif opcode == Opcode.MESSAGE:
@@ -252,13 +252,13 @@ class McapFile:
         elif opcode == Opcode.CHANNEL:
             self._topics.add_channel(body, offset)
         elif opcode == Opcode.MESSAGE_INDEX:
-            self._count_lost(*read_message_index(body))
+            self._losses.indexed(*read_message_index(body))
         elif opcode == Opcode.METADATA:
             self._add_metadata(body)
         elif opcode == Opcode.STATISTICS:
             self._stated_counts = read_statistics(body)
         elif opcode not in KNOWN_OPCODES and opcode < FIRST_PRIVATE_OPCODE:
-            self._tell(
+            self._losses.tell(
                 Severity.INFO, "unknown_record", f"records of opcode {opcode} are not known", offset
             )
 
@@ -273,19 +273,13 @@ class McapFile:
 
     def _chunk(self, chunk: ChunkRecord, offset: int) -> Iterator[RawMessage]:
         start_ns, end_ns = chunk.message_start_time, chunk.message_end_time
-        self._close_gap(start_ns)
+        self._losses.close_gap(start_ns)
         try:
             data = unpacked(chunk, self.limits.chunk_bytes)
         except Malformed as error:
-            self._damage(
-                "damaged_chunk",
-                f"a chunk of {len(chunk.data):,} bytes was left out: {error}",
-                offset,
-                start_ns,
-                end_ns,
-            )
-            counts = _count_messages(error.data) if isinstance(error, WrongContent) else Counter()
-            self._lost_chunk = _LostChunk(offset, start_ns, end_ns, counts)
+            seen = count_messages(error.data) if isinstance(error, WrongContent) else Counter[int]()
+            text = f"a chunk of {len(chunk.data):,} bytes was left out: {error}"
+            self._losses.chunk(offset, (start_ns, end_ns), text, seen)
             return
         yield from self._records_in(memoryview(data), offset, (start_ns, end_ns))
 
@@ -306,19 +300,19 @@ class McapFile:
                 search = RecordSearch(_peek_in(data), size, self._topics.knows, self._search.budget)
                 resume = search.next_record(position + 1)
                 self._search.budget = search.budget
-                self._damage(
+                self._losses.damage(
                     "damaged_record",
                     f"{(resume or size) - position:,} bytes in a chunk are no record",
                     offset,
-                    *(span_ns or (self._newest_ns, None)),
+                    *(span_ns or (self._losses.newest_ns, None)),
                 )
                 end = resume or size
             elif not self._small_record(opcode, data[start:end], offset):
                 bad += 1
                 if bad > _BAD_RECORDS:
                     text = f"more than {_BAD_RECORDS:,} bad records in a chunk; the rest was left"
-                    self._damage(
-                        "damaged_record", text, offset, *(span_ns or (self._newest_ns, None))
+                    self._losses.damage(
+                        "damaged_record", text, offset, *(span_ns or (self._losses.newest_ns, None))
                     )
                     return
             position = end
@@ -332,9 +326,9 @@ class McapFile:
         channel = self._topics.channels.get(channel_id) or self._from_summary(channel_id, offset)
         if channel is None:
             return None
-        self._newest_ns = log_time_ns
-        if self._gap is not None:
-            self._close_gap(log_time_ns)
+        self._losses.newest_ns = log_time_ns
+        if self._losses.in_gap:
+            self._losses.close_gap(log_time_ns)
         self.message_counts[channel_id] += 1
         content = bytes(data[start + MESSAGE_HEAD.size : end])
         return RawMessage(channel_id, channel, log_time_ns, content, offset, publish_ns, sequence)
@@ -349,87 +343,57 @@ class McapFile:
             elif opcode == Opcode.MESSAGE:
                 raise Malformed(f"a message of {len(body)} bytes")
         except Malformed as error:
-            self._damaged_record(opcode, offset, error)
+            self._losses.damaged_record(opcode, offset, error)
             return False
         return True
+
+    def _channel_of(self, channel_id: int) -> ChannelInfo | None:
+        return self.channels.get(channel_id) or self._topics.from_summary(channel_id, None)
 
     def _from_summary(self, channel_id: int, offset: int) -> ChannelInfo | None:
         """Return a channel whose own record was lost, if the summary repeats it."""
         found = self._topics.from_summary(channel_id, offset)
         if found is None:
-            self._damage(
+            self._losses.damage(
                 "unknown_channel",
                 "messages of a channel that the file does not declare were left out",
                 offset,
-                self._newest_ns,
+                self._losses.newest_ns,
             )
         return found
 
     def _cut_chunk(self, offset: int, length: int, rest: int) -> Iterator[RawMessage]:
         """Yield the whole messages of the chunk in which the file was cut."""
-        before, newest_ns = self.message_counts.total(), self._newest_ns
+        before, newest_ns = self.message_counts.total(), self._losses.newest_ns
         problem = f"a CHUNK record claims {length:,} bytes, {rest:,} are left"
         if rest <= self.limits.record_bytes:
             chunk = read_cut_chunk(self._source.read(rest))
             data = unpacked_as_far_as_possible(chunk, self.limits.chunk_bytes)
-            yield from self._records_in(memoryview(data)[: _whole_records(data)], offset)
+            yield from self._records_in(memoryview(data)[: whole_records(data)], offset)
             kept = self.message_counts.total() - before
             problem += f"; {kept:,} messages of it were kept, which no CRC covers"
-        self._truncated(offset, problem, newest_ns)
+        self._losses.truncated(offset, problem, newest_ns)
 
-    # What was lost
-
-    def _count_lost(self, channel_id: int, count: int) -> None:
-        """Take the count of a message index behind a damaged chunk: it is the chunk's own."""
-        if self._lost_chunk is not None and count:
-            self._lost_chunk.counts[channel_id] = count
-
-    def _tell_lost_chunk(self) -> None:
-        """Say how many messages of which topic a damaged chunk took with it."""
-        chunk, self._lost_chunk = self._lost_chunk, None
-        if chunk is None:
-            return
-        for channel_id, count in chunk.counts.items():
-            self._lose(
-                channel_id + self._topics.first_id,
-                count,
-                "messages were lost with a damaged chunk",
-                (chunk.offset, chunk.start_ns, chunk.end_ns),
-            )
-
-    def _lose(
-        self,
-        channel_id: int,
-        count: int,
-        how: str,
-        place: tuple[int | None, int | None, int | None] = (None, None, None),
-    ) -> None:
-        channel = self.channels.get(channel_id) or self._topics.from_summary(channel_id, None)
-        self.lost_counts[channel_id] += count
-        self._damage(
-            "lost_messages",
-            how + (f" ({channel.schema_name})" if channel else ""),
-            *place,
-            topic=channel.topic if channel else None,
-            count=count,
-        )
+    # Its ends
 
     def _close_recording(self) -> None:
         """At the end: hold what was read against what the summary counted."""
-        self._tell_lost_chunk()
-        self._close_gap(None)
+        self._losses.end_of_indexes(self._topics.first_id)
+        self._losses.close_gap(None)
         for stated_id, stated in self._stated_counts.items():
             channel_id = stated_id + self._topics.first_id
             missing = stated - self.message_counts[channel_id] - self.lost_counts[channel_id]
             # A count that no file can hold is not believed.
             if 0 < missing <= self._source.size:
-                self._lose(channel_id, missing, "messages that the summary counts were not found")
+                self._losses.lose(
+                    channel_id, missing, "messages that the summary counts were not found"
+                )
         self._stated_counts = {}
 
     def _check_data_end(self, body: bytes | memoryview, offset: int, crc: int) -> None:
         expected = read_data_crc(body)
         if expected and self._crc_holds and expected != crc:
-            self._damage(
+            self._losses.damage(
                 "data_crc",
                 "the CRC of the data section does not fit: bytes outside the chunks' own CRCs, "
                 "or inside a chunk reported above, were changed",
@@ -443,23 +407,23 @@ class McapFile:
         source = self._source
         after = source.peek(source.position, len(MAGIC))
         if after != MAGIC and self._leads_on(source.position) and source.position < source.size:
-            self._damage("damaged_record", "a footer in the middle was passed over", offset)
+            self._losses.damage("damaged_record", "a footer in the middle was passed over", offset)
             return False
         try:
             expected = read_footer(body).summary_crc
         except Malformed as error:
-            self._damaged_record(Opcode.FOOTER, offset, error)
+            self._losses.damaged_record(Opcode.FOOTER, offset, error)
             return True
         inside = FRAMING.pack(Opcode.FOOTER, len(body)) + bytes(body[:16])
         if expected and self._crc_holds and expected != zlib.crc32(inside, crc):
-            self._damage(
+            self._losses.damage(
                 "summary_crc",
                 "the CRC of the summary does not fit; no frame comes from there, what the summary "
                 "repeats was taken from the records",
                 offset,
             )
         if source.read(len(MAGIC)) != MAGIC:
-            self._damage("truncated_file", "the magic bytes at the end are missing", offset)
+            self._losses.damage("truncated_file", "the magic bytes at the end are missing", offset)
         return True
 
     def _another_follows(self) -> bool:
@@ -471,14 +435,14 @@ class McapFile:
         if source.peek(start, len(MAGIC)) == MAGIC:
             source.skip_to(start + len(MAGIC))
             text = "another recording follows in the same file; it was read too"
-            self._tell(Severity.INFO, "another_recording", text, start)
+            self._losses.tell(Severity.INFO, "another_recording", text, start)
         else:
             resume = self._search.next_record(start)
-            self._damage(
+            self._losses.damage(
                 "bytes_after_end",
                 f"{(resume or source.size) - start:,} bytes behind the end are no record",
                 start,
-                self._newest_ns,
+                self._losses.newest_ns,
             )
             if resume is None:
                 return False
@@ -493,7 +457,7 @@ class McapFile:
         end = source.position + length
         stated = content_length(Opcode.ATTACHMENT, offset, source.peek)
         if stated is None or stated > length:
-            self._damaged_record(
+            self._losses.damaged_record(
                 Opcode.ATTACHMENT, offset, Malformed("its fields do not fit its length")
             )
             source.skip_to(end)
@@ -509,11 +473,11 @@ class McapFile:
                 self.attachments.append((start, stated))
         else:
             name = self._attachment_name(offset)
-            self._damage(
+            self._losses.damage(
                 "damaged_attachment",
                 f"the CRC of the attachment {name!r} does not fit; no frame comes from it",
                 offset,
-                self._newest_ns,
+                self._losses.newest_ns,
             )
 
     def _attachment_name(self, offset: int) -> str:
@@ -532,131 +496,30 @@ class McapFile:
         source = self._source
         self._crc_holds = False
         if resume is None:
-            self._truncated(offset, _not_a_record(opcode, length, source.size - source.position))
+            self._losses.truncated(
+                offset, _not_a_record(opcode, length, source.size - source.position)
+            )
             return False
-        self._close_gap(None)
-        self.damage_count += 1
-        self._gap = _diagnostic(
-            Severity.ERROR,
-            "lost_place",
-            f"{_not_a_record(opcode, length, source.size - source.position)}; "
-            f"records go on at byte {resume:,}",
-            offset,
-            self._newest_ns,
-        )
+        problem = _not_a_record(opcode, length, source.size - source.position)
+        self._losses.open_gap(offset, f"{problem}; records go on at byte {resume:,}")
         source.skip_to(resume)
         return True
 
-    def _close_gap(self, time_ns: int | None) -> None:
-        gap, self._gap = self._gap, None
-        if gap is not None:
-            self._note(gap if time_ns is None else replace(gap, end_time_ns=_clamped(time_ns)))
-
     def _oversized(self, opcode: int, offset: int, length: int) -> None:
-        self._damage(
+        self._losses.damage(
             "oversized_record",
-            f"a {_name(opcode)} record of {length:,} bytes was left out, the limit "
+            f"a {record_name(opcode)} record of {length:,} bytes was left out, the limit "
             f"limits.record_bytes is {self.limits.record_bytes:,}",
             offset,
-            self._newest_ns,
+            self._losses.newest_ns,
         )
         self._source.skip_to(self._source.position + length)
-
-    def _truncated(self, offset: int, problem: str, time_ns: int | None = None) -> None:
-        self._damage(
-            "truncated_file",
-            f"{problem}; every whole record before it was kept",
-            offset,
-            self._newest_ns if time_ns is None else time_ns,
-        )
-
-    def _damaged_record(self, opcode: int, offset: int, error: Exception) -> None:
-        text = f"a {_name(opcode)} record was left out: {error}"
-        self._damage("damaged_record", text, offset, self._newest_ns)
-
-    def _damage(
-        self,
-        code: str,
-        message: str,
-        offset: int | None,
-        start_ns: int | None = None,
-        end_ns: int | None = None,
-        *,
-        topic: str | None = None,
-        count: int = 1,
-    ) -> None:
-        self.damage_count += 1
-        found = _diagnostic(Severity.ERROR, code, message, offset, start_ns, end_ns)
-        self._note(replace(found, topic=topic, count=count))
-
-    def _tell(
-        self,
-        severity: Severity,
-        code: str,
-        message: str,
-        offset: int | None,
-        topic: str | None = None,
-    ) -> None:
-        self._note(replace(_diagnostic(severity, code, message, offset), topic=topic))
-
-
-def _diagnostic(
-    severity: Severity,
-    code: str,
-    message: str,
-    offset: int | None,
-    start_ns: int | None = None,
-    end_ns: int | None = None,
-) -> Diagnostic:
-    return Diagnostic(
-        severity,
-        code,
-        message,
-        byte_offset=offset,
-        log_time_ns=_clamped(start_ns),
-        end_time_ns=_clamped(end_ns),
-    )
-
-
-def _clamped(time_ns: int | None) -> int | None:
-    return None if time_ns is None else min(time_ns, MAX_TIME_NS)
-
-
-def _name(opcode: int) -> str:
-    return Opcode(opcode).name if opcode in KNOWN_OPCODES else f"opcode {opcode}"
 
 
 def _not_a_record(opcode: int, length: int, rest: int) -> str:
     if opcode in KNOWN_OPCODES:
-        return f"a {_name(opcode)} record claims {length:,} bytes, {rest:,} are left"
+        return f"a {record_name(opcode)} record claims {length:,} bytes, {rest:,} are left"
     return f"no record starts here (opcode {opcode}, length {length:,})"
-
-
-def _whole_records(data: bytes | memoryview) -> int:
-    """Return how many bytes the whole records at the beginning take."""
-    position = 0
-    while position + FRAMING.size <= len(data):
-        opcode, length = FRAMING.unpack_from(data, position)
-        end = position + FRAMING.size + length
-        if opcode == 0 or end > len(data):
-            break
-        position = end
-    return position
-
-
-def _count_messages(data: bytes | memoryview) -> Counter[int]:
-    """Return how many messages a damaged chunk seems to hold, by channel, as far as it is whole."""
-    counts: Counter[int] = Counter()
-    position = 0
-    while position + FRAMING.size <= len(data):
-        opcode, length = FRAMING.unpack_from(data, position)
-        position += FRAMING.size
-        if opcode not in KNOWN_OPCODES or length > len(data) - position:
-            break
-        if opcode == Opcode.MESSAGE and length >= MESSAGE_HEAD.size:
-            counts[int.from_bytes(data[position : position + 2], "little")] += 1
-        position += length
-    return counts
 
 
 def _peek_in(data: memoryview) -> Callable[[int, int], bytes]:
