@@ -41,6 +41,14 @@ _LAYOUTS: dict[int, tuple[int | str, ...]] = {
     Opcode.SUMMARY_OFFSET: (17,),
 }
 
+# What is brought in the place of an MCAP, by its first bytes, and what helps.
+_OTHERS = {
+    b"\x28\xb5\x2f\xfd": "It is compressed as a whole: unpack it with zstd -d",
+    b"\x1f\x8b": "It is compressed as a whole: unpack it with gunzip",
+    b"#ROSBAG": "It is a bag of ROS 1: `mcap convert` of the MCAP tools makes an MCAP of it",
+    b"SQLite f": "It is a bag of ROS 2 in SQLite: `ros2 bag convert` makes an MCAP of it",
+}
+
 
 class Malformed(ValueError):
     """A record that cannot be read; the text says why."""
@@ -252,3 +260,9 @@ def content_length(opcode: int, offset: int, peek: Peek) -> int | None:
             return None
         at += width + int.from_bytes(prefix, "little")
     return at - start
+
+
+def remedy_for(magic: bytes) -> str:
+    """Return what helps with a file that starts with these bytes, which are no MCAP's."""
+    known = (text for start, text in _OTHERS.items() if magic.startswith(start))
+    return next(known, "`stadimeter import` makes a recording of a video, or of photos")

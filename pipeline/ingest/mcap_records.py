@@ -25,6 +25,7 @@ from mcap.opcode import Opcode
 from pipeline.config import Limits
 from pipeline.errors import NotARecording, Where
 from pipeline.ingest.forward_file import ForwardFile
+from pipeline.ingest.mcap_attachment import checked_attachment
 from pipeline.ingest.mcap_chunk import WrongContent, unpacked, unpacked_as_far_as_possible
 from pipeline.ingest.mcap_format import (
     FIRST_PRIVATE_OPCODE,
@@ -33,7 +34,6 @@ from pipeline.ingest.mcap_format import (
     MAGIC,
     MESSAGE_HEAD,
     ChunkRecord,
-    Fields,
     Malformed,
     MetadataRecord,
     content_length,
@@ -44,6 +44,7 @@ from pipeline.ingest.mcap_format import (
     read_message_index,
     read_metadata,
     read_statistics,
+    remedy_for,
 )
 from pipeline.ingest.mcap_losses import (
     MAX_TIME_NS,
@@ -63,20 +64,6 @@ _BLOCK = 1 << 20
 # A chunk of a few kilobytes can hold millions of empty records; each would be told.
 _BAD_RECORDS = 1000
 _MOST_ATTACHMENTS = 100_000  # whose places are kept
-
-
-# What is brought in the place of an MCAP, by its first bytes, and what helps.
-_OTHERS = {
-    b"\x28\xb5\x2f\xfd": "It is compressed as a whole: unpack it with zstd -d",
-    b"\x1f\x8b": "It is compressed as a whole: unpack it with gunzip",
-    b"#ROSBAG": "It is a bag of ROS 1: `mcap convert` of the MCAP tools makes an MCAP of it",
-    b"SQLite f": "It is a bag of ROS 2 in SQLite: `ros2 bag convert` makes an MCAP of it",
-}
-
-
-def _remedy(magic: bytes) -> str:
-    known = (text for start, text in _OTHERS.items() if magic.startswith(start))
-    return next(known, "`stadimeter import` makes a recording of a video, or of photos")
 
 
 class RawMessage(NamedTuple):
@@ -147,7 +134,7 @@ class McapFile:
                 raise NotARecording(
                     f"not an MCAP file (it starts with {magic[:8]!r})",
                     where=where,
-                    remedy=_remedy(bytes(magic)),
+                    remedy=remedy_for(bytes(magic)),
                 )
             self._search = RecordSearch(
                 source.peek, source.size, self._topics.knows, self.limits.search_places
@@ -210,31 +197,15 @@ class McapFile:
 
     def _mended(self, offset: int, opcode: int, length: int) -> int:
         """Return the length of a record: what its own fields say, if only that leads on."""
-        source = self._source
-        if opcode == Opcode.MESSAGE or opcode not in KNOWN_OPCODES:
-            return length
-        stated = content_length(opcode, offset, source.peek)
-        if stated is None or stated == length or offset + FRAMING.size + stated > source.size:
-            return length
-        after = offset + FRAMING.size
-        if self._leads_on(after + length) or not self._leads_on(after + stated):
-            return length
-        self._losses.damage(
-            "wrong_length",
-            f"a {record_name(opcode)} record claims {length:,} bytes and holds {stated:,}; it was read "
-            "by what it holds",
-            offset,
-        )
+        stated = self._search.true_length(offset, opcode, length)
+        if stated != length:
+            self._losses.damage(
+                "wrong_length",
+                f"a {record_name(opcode)} record claims {length:,} bytes and holds {stated:,}; it "
+                "was read by what it holds",
+                offset,
+            )
         return stated
-
-    def _leads_on(self, offset: int) -> bool:
-        """Whether records go on here, or the file ends."""
-        source = self._source
-        if offset >= source.size:
-            return offset == source.size
-        if source.peek(offset, len(MAGIC)) == MAGIC:
-            return True
-        return self._search.starts_record(offset)
 
     def _record(self, opcode: int, body: bytes | memoryview, offset: int) -> Iterator[RawMessage]:
         if opcode != Opcode.MESSAGE_INDEX:
@@ -406,7 +377,11 @@ class McapFile:
         """Check the footer and the magic behind it; a footer in the middle is none."""
         source = self._source
         after = source.peek(source.position, len(MAGIC))
-        if after != MAGIC and self._leads_on(source.position) and source.position < source.size:
+        if (
+            after != MAGIC
+            and self._search.leads_on(source.position)
+            and source.position < source.size
+        ):
             self._losses.damage("damaged_record", "a footer in the middle was passed over", offset)
             return False
         try:
@@ -452,42 +427,13 @@ class McapFile:
         return True
 
     def _check_attachment(self, offset: int, length: int) -> None:
-        """Check the CRC of an attachment, block by block: it is not kept."""
-        source = self._source
-        end = source.position + length
-        stated = content_length(Opcode.ATTACHMENT, offset, source.peek)
-        if stated is None or stated > length:
-            self._losses.damaged_record(
-                Opcode.ATTACHMENT, offset, Malformed("its fields do not fit its length")
-            )
-            source.skip_to(end)
-            return
-        start = source.position
-        crc, crc_at = 0, start + stated - 4
-        while source.position < crc_at:
-            crc = zlib.crc32(source.read(min(crc_at - source.position, _BLOCK)), crc)
-        expected = int.from_bytes(source.read(4), "little")
-        source.skip_to(end)
-        if not expected or expected == crc:
-            if len(self.attachments) < _MOST_ATTACHMENTS:
-                self.attachments.append((start, stated))
-        else:
-            name = self._attachment_name(offset)
-            self._losses.damage(
-                "damaged_attachment",
-                f"the CRC of the attachment {name!r} does not fit; no frame comes from it",
-                offset,
-                self._losses.newest_ns,
-            )
-
-    def _attachment_name(self, offset: int) -> str:
-        limit = self.limits.name_bytes
-        fields = Fields(self._source.peek(offset + FRAMING.size, 20 + limit))
         try:
-            fields.take(16)
-            return fields.text(limit)
-        except Malformed:
-            return "?"
+            place = checked_attachment(self._source, offset, length, self.limits.name_bytes)
+        except Malformed as error:
+            self._losses.damage("damaged_attachment", str(error), offset, self._losses.newest_ns)
+            return
+        if len(self.attachments) < _MOST_ATTACHMENTS:
+            self.attachments.append(place)
 
     # Telling
 

@@ -70,6 +70,24 @@ class RecordSearch:
             offset = end
         return True
 
+    def leads_on(self, offset: int) -> bool:
+        """Whether records go on here, or the file ends."""
+        if offset >= self._size:
+            return offset == self._size
+        return self._peek(offset, len(MAGIC)) == MAGIC or self.starts_record(offset)
+
+    def true_length(self, offset: int, opcode: int, length: int) -> int:
+        """Return what a record's own fields say of its length, if only that leads on."""
+        stated = content_length(opcode, offset, self._peek)
+        after = offset + FRAMING.size
+        if stated is None or stated == length or after + stated > self._size:
+            return length
+        return (
+            stated
+            if not self.leads_on(after + length) and self.leads_on(after + stated)
+            else length
+        )
+
     def _is_cut(self, offset: int) -> bool:
         head = self._peek(offset, FRAMING.size)
         if len(head) < FRAMING.size:
