@@ -115,7 +115,7 @@ def test_walkers_are_measured_in_any_pictures(kind: str, tmp_path: Path) -> None
 
 def test_the_camera_file_goes_before_the_transforms_and_they_are_kept(tmp_path: Path) -> None:
     recording, database = tmp_path / "x.mcap", tmp_path / "x.duckdb"
-    write(recording, "raw", 8)
+    write(recording, "raw", 40)
     surveyed = Config(camera=(CameraConfig("cam", camera_height_m=2.5, tilt_deg=0.0),))
     run([recording], database, surveyed)
     sources = []
