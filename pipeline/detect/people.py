@@ -85,8 +85,10 @@ class PersonScale:
         if self._plane is None:
             return float("nan")
         level, down, across = self._plane
-        first = (head_row + level + across * column) / (1.0 - down)
-        return head_row + self.tall_at(first, column)
+        foot = (head_row + level + across * column) / (1.0 - down)
+        for _ in range(ROUNDS):  # the plane is put right locally: each round is nearer
+            foot = head_row + self.tall_at(foot, column)
+        return foot
 
     def learn(self, boxes: BoxArray) -> None:
         """Take silhouettes (n, 4), whole ones, that look like one upright person into account."""

@@ -127,3 +127,38 @@ def test_two_whole_people_above_each_other_stay_two() -> None:
     boxes = np.array([near, far], dtype=np.intp)
     found, _ = join_parts(boxes, np.array([900.0, 500.0]), SCALE)
     assert len(found) == 2
+
+
+def test_the_scale_knows_the_camera_s_roll_and_where_the_plane_bends() -> None:
+    random = np.random.default_rng(2)
+    foot, column = random.uniform(100, 280, 600), random.uniform(20, 480, 600)
+    tall = OFFSET + SLOPE * foot + 0.04 * column
+    tall = np.where(foot > 220, 1.3 * tall, tall)  # a ramp, down from there
+    tall *= random.normal(1, 0.05, 600)
+    box = np.stack([column - tall / 6, foot - tall, column + tall / 6, foot], axis=1)
+    scale = PersonScale()
+    scale.learn(box.round().astype(np.intp))
+    for row, at in ((130.0, 100.0), (180.0, 400.0), (255.0, 100.0), (260.0, 400.0)):
+        true = (OFFSET + SLOPE * row + 0.04 * at) * (1.3 if row > 220 else 1.0)
+        assert scale.tall_at(row, at) == pytest.approx(true, rel=0.07)
+        assert float(scale.height_px(row, at)) == scale.tall_at(row, at)
+    head = 180.0 - scale.tall_at(180.0, 400.0)
+    assert scale.foot_row(head, 400.0) == pytest.approx(180.0, abs=8.0)
+
+
+def test_a_tall_person_is_not_cut() -> None:
+    mask = np.zeros((300, 300), np.uint8)
+    person(mask, 100, 280)
+    box = outline(mask)
+    mask = cv2.resize(mask, None, fx=1, fy=1.35)[: round(300 * 1.35)]
+    box = outline(mask)
+    expected = float(SCALE.height_px(box[0, 3], 100.0))
+    assert (box[0, 3] - box[0, 1]) / expected > 0.85
+    np.testing.assert_array_equal(split_groups(box, mask, SCALE).boxes, box)
+
+
+def test_what_does_not_move_is_one_sample() -> None:
+    scale = PersonScale()
+    for _ in range(200):
+        scale.learn(np.array([[40, 100, 70, 190]]))
+    assert not scale.known
