@@ -29,9 +29,13 @@ class Notes:
         """Keep a diagnostic, or count it if its like was seen."""
         key = (note.code, note.camera, note.topic, note.message)
         seen = self._notes.get(key)
+        if seen is None and len(self._notes) >= MAX_KINDS:
+            text = "further diagnostics, too many to tell apart"
+            note = replace(note, code="further", message=text, camera=None, topic=None)
+            key = (note.code, None, None, str(note.severity))
+            seen = self._notes.get(key)
         if seen is None:
-            if len(self._notes) < MAX_KINDS:
-                self._notes[key] = note
+            self._notes[key] = note
             return
         ends = [t for t in (seen.end_time_ns, note.end_time_ns, note.log_time_ns) if t is not None]
         self._notes[key] = replace(

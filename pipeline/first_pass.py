@@ -99,6 +99,7 @@ class CameraStage:
         self.size_px = NO_SIZE
         self.learning = self.detector.learning_s > 0
         self._waiting: list[Frame] = []
+        self._held = 0  # bytes that wait
 
     def ready(self, frame: Frame) -> list[Frame]:
         """Return the frames that can go on: none while the detector's learning time lasts.
@@ -109,8 +110,8 @@ class CameraStage:
             return [frame]
         self._waiting.append(compressed(frame))
         waited_s = (frame.capture_time_ns - self._waiting[0].capture_time_ns) / 1e9
-        held = sum(len(f.image) for f in self._waiting[-1:]) * len(self._waiting)
-        if waited_s < self.detector.learning_s and held < LEARNING_BYTES:
+        self._held += len(self._waiting[-1].image)
+        if waited_s < self.detector.learning_s and self._held < LEARNING_BYTES:
             return []
         return self.release()
 
