@@ -23,9 +23,17 @@ from pipeline.diagnostics import Notes
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.mcap_records import McapFile
 from pipeline.raw_image import compressed
-from pipeline.records import PASS_ONE
 from pipeline.store.database import Store
 
+PASS_ONE_TABLES = (
+    "cameras",
+    "frames",
+    "observations",
+    "tracks",
+    "ground_truth",
+    "matches",
+    "diagnostics",
+)
 PASS_TWO_TABLES = ("estimates", "track_heights", "observation_quality")
 COMPRESSED = "foxglove.CompressedImage"
 
@@ -58,7 +66,7 @@ def read_source(
 def read_tables(store: Store, recording_id: str, span: Span | None) -> dict[str, pa.Table]:
     """Return the rows of a recording, or those that belong to frames of a span."""
     if span is None:
-        tables = {name: store.read(name, recording_id) for name in (*PASS_ONE, "matches")}
+        tables = {name: store.read(name, recording_id) for name in PASS_ONE_TABLES}
         tables |= {name: store.read_current(name, recording_id) for name in PASS_TWO_TABLES}
     else:
         tables = {

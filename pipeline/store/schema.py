@@ -49,8 +49,9 @@ def apply_schema(
 
 def is_current(connection: duckdb.DuckDBPyConnection) -> bool:
     """Whether the tables and views of a database are those of this version."""
-    found = connection.execute("SELECT sql_sha256 FROM schema_version").fetchone()
-    return found == (_digest(),)
+    # All of it is fetched: while a result is open the connection takes no other statement.
+    found = connection.execute("SELECT sql_sha256 FROM schema_version").fetchall()
+    return found == [(_digest(),)]
 
 
 @cache
