@@ -58,7 +58,7 @@ class Row:
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--shots", type=int, default=240)
+    parser.add_argument("--shots", type=int, default=200)
     parser.add_argument("--seed", type=int, default=FIRST_SEED)
     given, _ = parser.parse_known_args()
     cv2.setNumThreads(1)

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.blur.expect import FLOOR_PX
@@ -63,6 +63,7 @@ def said(m, depth_m, std_m):
     return {Method.SIZE: other}
 
 
+@settings(max_examples=25)
 @given(st.floats(0.5, 5.0), st.sampled_from([1.8, 2.8, 4.0]))
 def test_infinite_focus_gives_the_depth_of_equation_10(depth_m, f_number):
     estimated, _ = by_blur(observed(depth_m, f_number))

@@ -7,7 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.config import Config
+from pipeline.calibrate.blur_floor import BlurFloor
+from pipeline.calibration_run import calibrate_stored_blur
+from pipeline.config import Config, load_config
 from pipeline.optics.thin_lens import blur_radius_um
 from pipeline.run import run
 from pipeline.store.database import Store
@@ -104,3 +106,11 @@ def test_depths_by_blur_alone_are_right_on_the_recording(tmp_path):
     assert (behind == (rows["branch"] == "far")).all()
     assert "blur_floor_from_sweep" in said
     assert "blur_contradicts_lens" not in said
+
+    # The camera's softness from the same recording: 0.35 px and the pixel's own, and what JPEG adds.
+    ((camera, floor),) = calibrate_stored_blur(database, tmp_path / "camera.toml", Config())
+    assert camera == "sweep"
+    assert isinstance(floor, BlurFloor)
+    assert shots()[0].lens.floor_sigma_px - 0.03 < floor.floor_px < 0.6
+    kept = load_config(tmp_path / "camera.toml").camera_named("sweep")
+    assert kept.blur_floor_px == pytest.approx(floor.floor_px)
