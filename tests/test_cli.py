@@ -19,7 +19,7 @@ def stadimeter(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str
     command = [sys.executable, "-m", "pipeline.cli", *map(str, arguments)]
     environment = {"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", "HOME": str(cwd)}
     return subprocess.run(
-        command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120
+        command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300
     )
 
 
