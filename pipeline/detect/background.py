@@ -54,7 +54,8 @@ class Background:
         step = max(2, picture.shape[1] // 32)  # green alone stands for the brightness
         now = picture[::step, ::step, 1].astype(np.float32)
         then = self.mean_u8[::step, ::step, 1].astype(np.float32)
-        gain = float(np.median((now + 8) / (then + 8)))
+        ratio = np.sort((now + 8) / (then + 8), axis=None)
+        gain = float(ratio[len(ratio) // 2])
         if abs(gain - 1.0) < 0.01:
             return self.mean_u8
         return cv2.convertScaleAbs(self.mean_u8, alpha=gain)

@@ -132,6 +132,8 @@ class MotionDetector:
         outlined = _outlined(raw)
         for x0, y0, x1, y1 in outlined:
             cv2.rectangle(occupied, (x0, y0), (x1 - 1, y1 - 1), (255,), cv2.FILLED)
+            if self._shadow.factors is None:
+                continue
             part = slice(y0, y1), slice(x0, x1)
             shade = self._shadow.find(cv2.divide(image[part], reference[part], scale=UNIT))
             if shade is not None:

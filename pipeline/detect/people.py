@@ -7,6 +7,8 @@ learned from the recording's own silhouettes, with no pose; groups and fragments
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -76,9 +78,11 @@ class PersonScale:
         if self._plane is None:
             return float("nan")
         level, down, across = self._terms
-        at = (_cell(foot_row, self._local.shape[0]), _cell(column, self._local.shape[1]))
-        tall = (level + down * foot_row + across * column) * self._local[at]
-        return float(tall) if tall > SMALLEST_PX else float("nan")
+        rows, columns = self._local.shape
+        i = min(max(int(foot_row / CELL_PX), 0), rows - 1)
+        j = min(max(int(column / CELL_PX), 0), columns - 1)
+        tall = (level + down * foot_row + across * column) * self._local.item(i, j)
+        return tall if tall > SMALLEST_PX else float("nan")
 
     def foot_row(self, head_row: float, column: float) -> float:
         """Return the row of the feet below a head; NaN where it is not known."""
@@ -88,6 +92,8 @@ class PersonScale:
         foot = (head_row + level + across * column) / (1.0 - down)
         for _ in range(ROUNDS):  # the plane is put right locally: each round is nearer
             foot = head_row + self.tall_at(foot, column)
+            if math.isnan(foot):
+                break
         return foot
 
     def learn(self, boxes: BoxArray) -> None:

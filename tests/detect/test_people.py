@@ -142,6 +142,8 @@ def test_the_scale_knows_the_camera_s_roll_and_where_the_plane_bends() -> None:
         true = (OFFSET + SLOPE * row + 0.04 * at) * (1.3 if row > 220 else 1.0)
         assert scale.tall_at(row, at) == pytest.approx(true, rel=0.07)
         assert float(scale.height_px(row, at)) == scale.tall_at(row, at)
+    assert np.isnan(scale.tall_at(-500.0, 100.0))
+    assert np.isnan(scale.foot_row(-500.0, 100.0))
     head = 180.0 - scale.tall_at(180.0, 400.0)
     assert scale.foot_row(head, 400.0) == pytest.approx(180.0, abs=8.0)
 
