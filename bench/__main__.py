@@ -1,6 +1,18 @@
 """`make bench`: everything that is claimed, measured in one run."""
 
-from bench import boxes, defocus, memory, paper, queries, speed, street, timeline, walkers
+from bench import (
+    boxes,
+    cluster,
+    day,
+    defocus,
+    memory,
+    paper,
+    queries,
+    speed,
+    street,
+    timeline,
+    walkers,
+)
 from pipeline.console import out
 
 for title, part in (
@@ -13,6 +25,8 @@ for title, part in (
     ("Timelines", timeline),
     ("Memory", memory),
     ("Queries", queries),
+    ("A day", day),
+    ("Many machines", cluster),
 ):
     out.rule(title)
     part.main()

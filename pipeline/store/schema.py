@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable
 from functools import cache
 from graphlib import TopologicalSorter
 from importlib.resources import files
@@ -26,20 +25,14 @@ COMMENT ON COLUMN schema_version.sql_sha256 IS 'Hash of the SQL that made the ta
 """
 
 
-def apply_schema(
-    connection: duckdb.DuckDBPyConnection, replace_tables: Callable[[], None] = lambda: None
-) -> None:
-    """Create or alter what is missing of the tables, and make views anew if any text differs.
-
-    Before there are views, `replace_tables` may put something else in the place of tables.
-    """
+def apply_schema(connection: duckdb.DuckDBPyConnection) -> None:
+    """Create or alter what is missing of the tables, and make views anew if any text differs."""
     tables, *scripts = _scripts()
     connection.execute(_VERSION_TABLE)
     if is_current(connection):
         return
     upgrade_tables(connection, tables)
     connection.execute(tables)
-    replace_tables()
     for script in scripts:
         connection.execute(script)
     _comment_view_columns(connection, re.findall(r"CREATE TABLE IF NOT EXISTS (\w+)", tables))

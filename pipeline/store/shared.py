@@ -84,7 +84,9 @@ def open_shared(folder: Path) -> Store:
     connection.execute(f"SET allowed_directories = ['{_quoted(root)}']")
     for name in locked:
         connection.execute(f"SET {name} = {CONFIG[name]}")
-    apply_schema(connection, lambda: _views_for_tables(connection, folder.absolute(), manifests))
+    # Views over the files come last: what is bound to a view reads the heads of files each time.
+    apply_schema(connection)
+    _views_for_tables(connection, folder.absolute(), manifests)
     return Store(connection, folder)
 
 
@@ -96,8 +98,8 @@ def _views_for_tables(
         files = [str(folder / m.parts[table].path) for m in manifests if m.parts[table].rows]
         if not files:
             continue  # the empty table says the same
-        comments = connection.execute(
-            "SELECT column_name, comment FROM duckdb_columns() "
+        columns = connection.execute(
+            "SELECT column_name, data_type, comment FROM duckdb_columns() "
             "WHERE table_name = ? AND schema_name = 'main' ORDER BY column_index",
             [table],
         ).fetchall()
@@ -106,9 +108,14 @@ def _views_for_tables(
         ).fetchall()
         listed = ", ".join(f"'{_quoted(f)}'" for f in files)
         rows = _ROWS.get(table, "SELECT * FROM {files}").format(files=f"read_parquet([{listed}])")
-        connection.execute(f"DROP TABLE {table}; CREATE VIEW {table} AS {rows}")
+        # Files that an older version wrote may lack columns: unknown.
+        unknown = ", ".join(f"NULL::{kind} AS {column}" for column, kind, _ in columns)
+        connection.execute(f"DROP TABLE {table}")
+        connection.execute(
+            f"CREATE VIEW {table} AS SELECT {unknown} WHERE FALSE UNION ALL BY NAME ({rows})"
+        )
         connection.execute(f"COMMENT ON VIEW {table} IS '{_quoted(about[0])}'")
-        for column, comment in comments:
+        for column, _, comment in columns:
             connection.execute(f"COMMENT ON COLUMN {table}.{column} IS '{_quoted(comment)}'")
 
 
