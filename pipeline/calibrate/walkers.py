@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import lil_matrix
 
@@ -28,6 +29,8 @@ from pipeline.estimate.columns import Measured
 from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M
 from pipeline.estimate.geometry import Geometry, camera_of
 from pipeline.estimate.reach import reach_of
+from pipeline.estimate.repeats import BOX_COMMON_STD, CORRELATION_S, independent_share
+from pipeline.estimate.smoother import smooth_tracks
 from pipeline.optics.ground_plane import (
     add_roll,
     foot_depth_m,
@@ -51,11 +54,9 @@ MIN_PEOPLE = 4
 # must change, or others must be seen at other distances (checked by the standard errors).
 MIN_OBSERVATIONS = 8
 MAX_PER_TRACK = 40  # more of a track's frames say the same thing again
-# Chance leaves the mean stature of so many uncertain by 0.09 / sqrt(150) m = 7 mm, a quarter of
+# Chance leaves the mean stature of so many uncertain by 0.09 / sqrt(150) m = 7 mm, a seventh of
 # POPULATION_MEAN_STD_M; a day has tens of thousands, and the fit's time grows faster than their number.
 MAX_PEOPLE = 150
-# Boxes repeat their error for as long as a pose is held; half a step is the time in which it changes.
-CORRELATION_S = 0.5
 # A walker's head rises and falls by about 2 cm either side, and the box's foot is now one foot, now
 # the other (Whittle, Gait Analysis: vertical excursion of the trunk 46 mm).
 GAIT_STD = 0.02  # of the stature
@@ -76,7 +77,13 @@ MAX_TILT_ERROR_RAD = np.deg2rad(5.0)
 MAX_DEVIATION = 2.6
 MAX_REJECTIONS = 4
 UPRIGHT_TILT_STD_RAD = np.deg2rad(1.5)  # about the tilt found, upright edges are looked for
+# Shadows fall to one side, grass and the blur of small pictures are far away: boxes differ over the
+# picture as they do from camera to camera, and without allowance for that roll and tilt would seem sure.
+# The one is an unknown where upright edges can tell it from roll; otherwise, and the other always, it is
+# considered in the covariance alone.
+TREND_STD = BOX_COMMON_STD
 REFINEMENTS = 2  # which way people walk is known better with each pose; the second moves it little
+USUAL_M = 1.7
 USUAL_TILT_RAD = np.deg2rad(20.0)  # before there is one
 TILTS_RAD = np.deg2rad([2.0, 8.0, 15.0, 25.0, 35.0, 50.0])
 # Cameras are put up upright; nothing else holds roll in a narrow view.
@@ -137,6 +144,7 @@ class _Sample:
     foot: FloatArray  # (n, 2) the lower end of the silhouette
     head: FloatArray  # (n, 2) its upper end
     reach: FloatArray  # (n,) how far the lower end is before the axis, of the stature
+    trends: FloatArray  # (n, 2) how far right and how near, in standard deviations
     sigma: FloatArray  # (n,) of the head's row, normalised
     track: npt.NDArray[np.intp]  # (n,)
     weight: FloatArray  # (n,) the share of an independent observation that a row is
@@ -160,6 +168,11 @@ class _Scale:
     distance_std: FloatArray  # (d,) relative
     uprights: Uprights
 
+    @property
+    def side_std(self) -> float:
+        """How far boxes may differ from side to side; fixed where no edge tells it from roll."""
+        return TREND_STD if len(self.uprights) else TREND_STD / 100
+
     @classmethod
     def of(
         cls,
@@ -177,6 +190,7 @@ class _Scale:
             mean_m[mine], of_population[mine] = person.height_m - GAIT_DROP_M, False
             std_m[mine] = np.hypot(person.std_m, GAIT_DROP_STD_M)
         mean_std = FREE_MEAN_STD if known else POPULATION_MEAN_STD_M / prior.mean_m
+        mean_std = float(np.hypot(mean_std, BOX_COMMON_STD))
         camera = camera_of(measured.intrinsics) if measured.intrinsics else None
         points = [
             camera.normalize(np.asarray(d.points_px, dtype=np.float64))
@@ -236,7 +250,7 @@ def calibrate_from_walkers(
         sample = _only(again, np.array([i in chosen for i in again.track_id.tolist()]))
         uprights = _uprights(lines_px, measured, best)
         sample, best = _fit_alike(sample, prior, known, measured, best, uprights)
-    covariance = _covariance(best, sample)
+    covariance = _covariance(best, sample, uprights)
     std = np.sqrt(np.diag(covariance))
     above_m, tilt, roll = float(np.exp(best.x[0])), float(best.x[1]), float(best.x[2])
     if std[0] > MAX_HEIGHT_ERROR * above_m or std[1] > MAX_TILT_ERROR_RAD or tilt < 0:
@@ -326,7 +340,13 @@ def _sample(
         & assess(measured).ends_visible
     )
     empty = _Sample(
-        *(np.empty((0, 2)),) * 2, *(np.empty(0),) * 2, np.empty(0, np.intp), np.empty(0), _NOBODY
+        *(np.empty((0, 2)),) * 2,
+        np.empty(0),
+        np.empty((0, 2)),
+        np.empty(0),
+        np.empty(0, np.intp),
+        np.empty(0),
+        _NOBODY,
     )
     if measured.intrinsics is None or not usable.any():
         return empty
@@ -351,6 +371,7 @@ def _sample(
         return empty
     index = np.concatenate(rows)
     foot, head, reach, reach_std, tilt = _ends(measured, plane)
+    foot = _smoothed(measured, foot, head, usable)
     foot, head, reach, reach_std = foot[index], head[index], reach[index], reach_std[index]
     std_px = np.hypot(measured.std_xyxy_px[index, 1], measured.std_xyxy_px[index, 3])
     tall = foot[:, 1] - head[:, 1]
@@ -358,8 +379,44 @@ def _sample(
     own = np.hypot(GAIT_STD, reach_std * np.nan_to_num(steep))
     sigma = np.hypot(std_px / measured.intrinsics.fy_px, own * tall)
     return _Sample(
-        foot, head, reach, sigma, np.concatenate(tracks), np.concatenate(weights), np.array(ids)
+        foot,
+        head,
+        reach,
+        _trends(foot, tall),
+        sigma,
+        np.concatenate(tracks),
+        np.concatenate(weights),
+        np.array(ids),
     )
+
+
+def _trends(foot: FloatArray, tall: FloatArray) -> FloatArray:
+    """Return how far right and how near each observation is, (n, 2), in standard deviations."""
+    both = np.column_stack([foot[:, 0], np.log(np.maximum(tall, 1e-6))])
+    return np.asarray((both - both.mean(axis=0)) / np.maximum(both.std(axis=0), 1e-6))
+
+
+def _smoothed(
+    measured: Measured, foot: FloatArray, head: FloatArray, usable: npt.NDArray[np.bool_]
+) -> FloatArray:
+    """Return the feet smoothed along the tracks, (n, 2).
+
+    The fit takes them as exact. What is not makes who seems nearer seem taller as well, and so draws the
+    tilt down (regression dilution); smoothing leaves less of it. Lengths are shares of the person here,
+    as metres are not known yet.
+    """
+    tall = foot[:, 1] - head[:, 1]
+    unit = pd.Series(tall).groupby(measured.track_id).transform("median").to_numpy() / USUAL_M
+    lens = measured.intrinsics
+    if lens is None:
+        return foot
+    std = np.hypot(measured.std_xyxy_px[:, 3] / lens.fy_px, GAIT_STD * np.abs(tall)) / unit
+    covariance = (std**2 / independent_share(measured))[:, None, None] * np.eye(2)
+    seen = np.where(usable[:, None], foot / unit[:, None], np.nan)
+    time_s = (measured.capture_time_ns - measured.capture_time_ns.min()) / 1e9
+    smoothed = smooth_tracks(measured.track_id, time_s, seen, covariance)
+    rows = np.where(usable, smoothed.position_m[:, 1] * unit, foot[:, 1])
+    return np.column_stack([foot[:, 0], np.where(np.isfinite(rows), rows, foot[:, 1])])
 
 
 def _ends(
@@ -387,8 +444,9 @@ _NOBODY = np.empty(0, dtype=np.int64)
 
 # The unknowns: log camera height, tilt, roll, log of the mean of the people here over the population's,
 # what all reaches have in common, and the height of each.
-# and how a lens bends upright edges (`calibrate.upright`) stands before the heights.
-_POSE, _MEAN, _REACH, _BEND, _PEOPLE = slice(0, 3), 3, 4, 5, 6
+# how a lens bends upright edges (`calibrate.upright`) and what boxes have in common on one side of the
+# picture, stand before the heights.
+_POSE, _MEAN, _REACH, _BEND, _SIDE, _PEOPLE = slice(0, 3), 3, 4, 5, 6, 7
 
 
 def _predict(x: FloatArray, sample: _Sample) -> FloatArray:
@@ -398,6 +456,7 @@ def _predict(x: FloatArray, sample: _Sample) -> FloatArray:
     y_h = remove_roll(sample.head, roll)[:, 1]
     z_m = foot_depth_m(camera_height_m, tilt, y_f)
     tall_m = heights_m[sample.track] * per_stature(y_h, tilt, sample.reach + x[_REACH])
+    tall_m = tall_m * (1.0 + sample.trends[:, 0] * x[_SIDE])
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray((z_m * y_f - tall_m * np.cos(tilt)) / (z_m - tall_m * np.sin(tilt)))
 
@@ -411,7 +470,7 @@ def _residuals(x: FloatArray, sample: _Sample, scale: _Scale) -> FloatArray:
     mean_m = scale.mean_m * np.where(scale.of_population, np.exp(x[_MEAN]), 1.0)
     people = (x[_PEOPLE:] - mean_m) / scale.std_m
     few = [x[2] / ROLL_STD_RAD, x[_MEAN] / scale.mean_std, x[_REACH] / REACH_COMMON_STD]
-    few.append(x[_BEND] / scale.uprights.bend_std)
+    few += [x[_BEND] / scale.uprights.bend_std, x[_SIDE] / scale.side_std]
     edges = scale.uprights.off(x[1], x[2], x[_BEND])
     return np.concatenate([error, people, few, _distance_errors(x, scale), edges])
 
@@ -465,6 +524,7 @@ def _only(sample: _Sample, kept: npt.NDArray[np.bool_]) -> _Sample:
         sample.foot[rows],
         sample.head[rows],
         sample.reach[rows],
+        sample.trends[rows],
         sample.sigma[rows],
         number[sample.track[rows]],
         sample.weight[rows],
@@ -476,7 +536,7 @@ def _start(sample: _Sample, scale: _Scale, tilt: float) -> FloatArray:
     """Return unknowns to start from at a tilt: everybody is as tall as is expected of them."""
     above_m = _height_for(sample, scale, tilt)
     return np.concatenate(
-        [[np.log(above_m), tilt, scale.uprights.roll_rad, 0.0, 0.0, 0.0], scale.mean_m]
+        [[np.log(above_m), tilt, scale.uprights.roll_rad, *np.zeros(_PEOPLE - 3)], scale.mean_m]
     )
 
 
@@ -494,8 +554,8 @@ def _fit(sample: _Sample, scale: _Scale, tilt: float) -> OptimizeResult:
     pattern[:, :_PEOPLE] = 1
     pattern[np.arange(rows), _PEOPLE + sample.track] = 1
     pattern[rows + np.arange(people), _PEOPLE + np.arange(people)] = 1
-    low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, -0.3, -1.0, *(0.4 * scale.mean_m)]
-    high = [np.log(200.0), np.deg2rad(89), 0.35, 1.0, 0.3, 1.0, *(1.6 * scale.mean_m)]
+    low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, -0.3, -1.0, -0.1, *(0.4 * scale.mean_m)]
+    high = [np.log(200.0), np.deg2rad(89), 0.35, 1.0, 0.3, 1.0, 0.1, *(1.6 * scale.mean_m)]
     return least_squares(
         _residuals,
         start,
@@ -518,7 +578,7 @@ def _height_for(sample: _Sample, scale: _Scale, tilt: float) -> float:
     return float(np.clip(np.median(scale.mean_m) / typical, 0.5, 100.0)) if typical > 0 else 5.0
 
 
-def _covariance(fit: OptimizeResult, sample: _Sample) -> FloatArray:
+def _covariance(fit: OptimizeResult, sample: _Sample, uprights: Uprights) -> FloatArray:
     """Return the covariance of (camera height, tilt, roll).
 
     From the Jacobian at the solution; the spread of the heads is taken from their residuals, while
@@ -530,8 +590,16 @@ def _covariance(fit: OptimizeResult, sample: _Sample) -> FloatArray:
     rows = len(sample.track)
     freedom = max(sample.weight.sum() - _PEOPLE - sample.people, 1.0)
     excess = float((np.minimum(np.abs(fit.fun[:rows]), 3) ** 2).sum() / freedom)
-    jacobian[:rows] /= np.sqrt(max(excess, MIN_VARIANCE_RATIO))
-    covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)[_POSE, _POSE]
+    loose = max(excess, MIN_VARIANCE_RATIO)
+    jacobian[:rows] /= np.sqrt(loose)
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
+    # Boxes that are too tall near by, or on one side, by a share: what that does to the fit (consider
+    # analysis, as in Tapley, Schutz and Born, Statistical Orbit Determination, section 6.5).
+    tall = sample.foot[:, 1] - sample.head[:, 1]
+    per_share = tall / sample.sigma * np.sqrt(sample.weight / loose)
+    considered = sample.trends if not len(uprights) else sample.trends[:, 1:]
+    moved = inverse @ (jacobian[:rows].T @ (considered * per_share[:, None])) * TREND_STD
+    covariance = (inverse + moved @ moved.T)[_POSE, _POSE]
     to_metres = np.diag([float(np.exp(fit.x[0])), 1.0, 1.0])
     return np.asarray(to_metres @ covariance @ to_metres)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.estimate.columns import Estimated
 from pipeline.estimate.geometry import Geometry
+from pipeline.estimate.repeats import BOX_COMMON_STD
 from pipeline.optics.ground_plane import (
     depth_jacobian,
     foot_depth_m,
@@ -43,6 +44,11 @@ def estimate(geometry: Geometry) -> Estimated:
     tall_by = np.stack(height_jacobian(h_m, tilt, foot, head), axis=1)
     tall_common = _quadratic(tall_by[:, :3], plane.covariance)
     tall_common += (tall_by[:, 3] / by_pose[:, 3] * reach_std_m) ** 2
+    if geometry.reach is not None:
+        # The pose from walkers has this error in its scale already; of one that is given it is new.
+        box_std = np.where(np.isfinite(geometry.reach), BOX_COMMON_STD, 0.0)
+        tall_common += (box_std * np.nan_to_num(tall_m)) ** 2
+        depth_common += (box_std * np.nan_to_num(y_f - y_h) * by_pose[:, 3] / np.sqrt(2)) ** 2
     noise = (tall_by[:, 3] * geometry.foot_std) ** 2 + (tall_by[:, 4] * geometry.head_std) ** 2
 
     footless = m.truncated[:, 3]

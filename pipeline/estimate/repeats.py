@@ -8,9 +8,13 @@ import pandas as pd
 from pipeline.estimate.columns import Measured
 from pipeline.records import FloatArray
 
-# Boxes repeat their error for as long as a pose is held, about half a step. With this the intervals of
-# simulated tracks whose errors fade over 0.45 s hold what they should (`python -m bench.walkers`).
-CORRELATION_S = 0.3
+# Boxes repeat their error for as long as a pose is held, about half a step, and a detector's for as long
+# as somebody has the same ground and light behind them. The motion detector's heights on 16 rendered
+# cameras correlate by 0.37 after an eighth of a second, 0.3 after half, 0.25 after one, 0.12 after two:
+# the time of independence, twice the integral of that, is 1.4 s; of true outlines 0.5 s. In between.
+CORRELATION_S = 1.0
+# What all boxes of a camera have in common, as a share of the height: by that those 16 differ.
+BOX_COMMON_STD = 0.01
 
 
 def independent_share(m: Measured) -> FloatArray:

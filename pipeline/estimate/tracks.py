@@ -11,6 +11,8 @@ import pyarrow as pa
 
 from pipeline.config import SizePrior
 from pipeline.estimate.columns import Estimated, Measured
+from pipeline.estimate.gait import WALKER
+from pipeline.estimate.repeats import independent_share
 from pipeline.records import TRACK_HEIGHTS, Dimension, FloatArray, Method
 
 # 1.4826 turns a median absolute deviation into a standard deviation (normal distribution).
@@ -47,6 +49,7 @@ def track_heights(
             "std_m": estimated.height_std_m,
             "assumed": estimated.height_assumed,
             "class_name": measured.class_name,
+            "share": np.where(measured.class_name == WALKER, independent_share(measured), 1.0),
         }
     )
     frame = frame[np.isfinite(frame["depth_m"])].sort_values(["track_id", "time_ns"])
@@ -64,7 +67,7 @@ def track_heights(
     spread_m = MAD_TO_STD * tracks["distance_m"].median().to_numpy()
     typical_std_m = tracks["std_m"].median().to_numpy()
     common_m = tracks["common_m"].median().to_numpy()
-    noise_m = _noise_of_median(spread_m, typical_std_m, common_m, _correlation(frame), count)
+    noise_m = _noise_of_median(spread_m, typical_std_m, common_m, _independent(frame, count), count)
     depth = tracks["depth_m"].agg(["min", "median", "max", "count"])
     height_m = tracks["height_m"].median().to_numpy()
     height_std_m = np.where(count > 0, np.hypot(noise_m, common_m), np.nan)
@@ -131,11 +134,24 @@ def _correlation(frame: pd.DataFrame) -> FloatArray:
     return np.asarray(np.clip(np.nan_to_num(correlation), 0.0, 0.99))
 
 
+def _independent(frame: pd.DataFrame, count: FloatArray) -> FloatArray:
+    """Return how many independent observations each track is, at least one.
+
+    Of people the slow part of a detector's errors, which hardly shows from frame to frame, leaves
+    fewer (`repeats.CORRELATION_S`).
+    """
+    correlation = _correlation(frame)
+    several = count * (1 - correlation) / (1 + correlation)
+    known = frame["share"].where(frame["height_m"].notna())
+    slow = known.groupby(frame["track_id"], sort=True).sum().to_numpy()
+    return np.asarray(np.maximum(np.minimum(several, slow), 1.0))
+
+
 def _noise_of_median(
     spread_m: FloatArray,
     typical_std_m: FloatArray,
     common_m: FloatArray,
-    correlation: FloatArray,
+    independent: FloatArray,
     count: FloatArray,
 ) -> FloatArray:
     """Return the standard deviation of a track's median height by its frames' noise.
@@ -145,6 +161,5 @@ def _noise_of_median(
     """
     stated_m = np.sqrt(np.maximum(typical_std_m**2 - common_m**2, 0.0))
     per_frame_m = np.where(count >= 10, spread_m, np.fmax(spread_m, stated_m))
-    independent = np.maximum(count * (1 - correlation) / (1 + correlation), 1.0)
     efficiency = np.where(count > 1, MEDIAN_EFFICIENCY, 1.0)
     return np.asarray(per_frame_m * np.sqrt(efficiency / independent))

@@ -105,11 +105,18 @@ def test_a_bent_picture_costs_certainty_of_the_tilt_and_not_its_truth() -> None:
 
 def test_upright_edges_make_the_roll_of_walkers_surer_and_truer() -> None:
     errors, stds = [], []
-    for seed in range(30, 36):
-        simulated = scene(np.random.default_rng(seed), 8, bad_share=0.0)
+    for seed in range(30, 38):
+        simulated = scene(np.random.default_rng(seed), 15, bad_share=0.0)
+        if simulated.plane.tilt_rad > 0.45:
+            continue  # a steep view shows little of a post
         edges = posts(simulated.plane, 12, simulated.measured.intrinsics or LENS)
+        # shadows to the right: boxes are too tall there, by 3 in a hundred
+        measured, box = simulated.measured, simulated.measured.bbox_xyxy_px.copy()
+        right = (box[:, 0] + box[:, 2]) / LENS.width_px - 1
+        box[:, 1] -= 0.03 * right * (box[:, 3] - box[:, 1])
+        measured = replace(measured, bbox_xyxy_px=box)
         for lines_px in (None, edges):
-            plane, report = calibrate_from_walkers(simulated.measured, ADULT, lines_px=lines_px)
+            plane, report = calibrate_from_walkers(measured, ADULT, lines_px=lines_px)
             errors.append(abs(plane.roll_rad - simulated.plane.roll_rad))
             stds.append(np.sqrt(plane.covariance[2, 2]))
             assert (report.uprights >= 8) == (lines_px is not None)

@@ -81,7 +81,7 @@ def test_a_known_height_overrides_the_population() -> None:
     simulated = scene(np.random.default_rng(11), 15, bad_share=0.0)
     people = tuple(KnownHeight(i, float(simulated.true_height_m[i])) for i in (2, 7))
     known, known_std = scaled_error(Known(heights=people))
-    assert known < 3 * known_std < 0.15
+    assert known < 3 * known_std < 0.3
     assert known_std < std
 
 
@@ -96,7 +96,7 @@ def test_a_known_distance_overrides_the_population() -> None:
     points_px = foot * lens.fx_px + [lens.cx_px, lens.cy_px]
     distance = KnownDistance(points_px, 2.0, 0.01, std_px=0.2)
     error, std = scaled_error(Known(distances=(distance,)))
-    assert error < 3 * std < 0.15
+    assert error < 3 * std < 0.4
 
 
 @pytest.mark.parametrize(

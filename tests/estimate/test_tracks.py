@@ -43,15 +43,17 @@ def columns(heights: list[np.ndarray], common_m: float, class_name: str = "perso
     return measured, estimated
 
 
-def heights_of(heights: list[np.ndarray], common_m: float = 0.0) -> dict[str, list]:
-    return track_heights(*columns(heights, common_m), Method.GROUND, [ADULT]).to_pydict()
+def heights_of(
+    heights: list[np.ndarray], common_m: float = 0.0, name: str = "person"
+) -> dict[str, list]:
+    return track_heights(*columns(heights, common_m, name), Method.GROUND, [ADULT]).to_pydict()
 
 
 def test_independent_frames_average_out_and_what_they_share_does_not() -> None:
     noise = np.random.default_rng(0).normal(1.7, 0.03, 2000)
-    alone = heights_of([noise])
+    alone = heights_of([noise], name="post")
     assert alone["height_std_m"][0] == pytest.approx(0.03 * np.sqrt(np.pi / 2 / 2000), rel=0.15)
-    shared = heights_of([noise], common_m=0.04)
+    shared = heights_of([noise], common_m=0.04, name="post")
     assert shared["height_std_m"][0] == pytest.approx(0.04, rel=0.01)
 
 
@@ -63,7 +65,7 @@ def test_intervals_of_correlated_frames_hold_the_truth() -> None:
         for i in range(1, 200):
             error[i] = 0.9 * error[i - 1] + random.normal(0, 0.013)
         tracks.append(1.75 + error)
-    found = heights_of(tracks)
+    found = heights_of(tracks, name="post")
     z = (np.array(found["height_m"]) - 1.75) / np.array(found["height_std_m"])
     assert 0.91 < np.mean(np.abs(z) < 1.96) < 0.985
 
