@@ -189,7 +189,13 @@ def _measure(path: Path, config: Config, folder: Path, *, threads: int, report: 
 def _store(
     store: Store, run_id: str, outcome: Outcome, folder: Path, config: Config, report: Report
 ) -> None:
-    """Commit a recording with its estimates in one transaction, or the reason why not."""
+    """Commit a recording with its estimates in one transaction, or the reason why not.
+
+    Raises:
+        StoreError: there is no room for it; that is nothing that the recording could help.
+    """
+    if isinstance(outcome.error, StoreError):
+        raise outcome.error
     if outcome.recording is None:
         note = Diagnostic(Severity.ERROR, "unreadable_file", str(outcome.error))
         with store.transaction():

@@ -441,12 +441,11 @@ class McapFile:
         """Move on to the next record, and say what was passed over; False if there is none."""
         source = self._source
         self._crc_holds = False
-        if resume is None:
-            self._losses.truncated(
-                offset, _not_a_record(opcode, length, source.size - source.position)
-            )
-            return False
         problem = _not_a_record(opcode, length, source.size - source.position)
+        if resume is None:
+            self._losses.truncated(offset, problem)
+            source.skip_to(source.size)
+            return False
         self._losses.open_gap(offset, f"{problem}; records go on at byte {resume:,}")
         source.skip_to(resume)
         return True

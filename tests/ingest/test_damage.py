@@ -131,6 +131,7 @@ def test_a_cut_at_any_byte_keeps_every_whole_chunk_before_it(good: bytes, tmp_pa
         before = [c for end, c in zip(whole, counts, strict=True) if end <= cut]
         assert (before or [0])[-1] <= frames <= FRAMES
         assert "truncated_file" in codes(notes)
+        assert "bytes_after_end" not in codes(notes)
 
 
 def test_any_flipped_byte_is_noticed_and_costs_one_chunk_at_most(
