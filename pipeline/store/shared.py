@@ -12,7 +12,6 @@ from pathlib import Path
 
 import duckdb
 import pyarrow as pa
-import pyarrow.dataset
 import pyarrow.parquet as pq
 
 from pipeline.errors import StoreError, Where
@@ -161,6 +160,8 @@ def _check(folder: Path, manifest: Manifest) -> None:
 
 
 def _take(store: Store, folder: Path, manifest: Manifest) -> None:
+    import pyarrow.dataset  # brings pandas, which a question does not need
+
     if manifest.failure is None:
         store.forget(manifest.key)
     for table in _with_rows(manifest):
