@@ -16,10 +16,12 @@ from __future__ import annotations
 import argparse
 import math
 import multiprocessing
+import os
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +32,7 @@ from pipeline.console import out, print_rows
 from pipeline.run import estimate_again, run
 from pipeline.store.database import Store
 from recordings.simulate_walkers import write
+from recordings.walkers_random import make_scene
 from recordings.walkers_scene import Settings
 from recordings.walkers_view import View
 
@@ -118,13 +121,17 @@ class Result:
     seconds: tuple[float, float]  # to simulate, to run
 
 
-def measure(seed: int) -> Result:
-    """Simulate a camera and work its recording four ways."""
+def measure(seed: int, keep: Path | None = None) -> Result:
+    """Simulate a camera, unless its recording was kept, and work the recording four ways."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         start = time.perf_counter()
-        recording = folder / "scene.mcap"
-        view = write(recording, replace(SETTINGS, seed=seed), with_detections=True).view
+        settings = replace(SETTINGS, seed=seed)
+        recording = (keep or folder) / f"{seed}.mcap"
+        if not recording.exists():
+            unfinished = write_beside(recording, settings)
+            unfinished.replace(recording)
+        view = make_scene(settings).view
         simulated = time.perf_counter()
         result = Result(
             seed, view, {}, {}, {}, {}, {}, np.empty((0, 3)), "", (simulated - start, 0.0)
@@ -142,6 +149,13 @@ def measure(seed: int) -> Result:
                 result.scores[detector, "given"] = _score(store, run_id)
         result.seconds = (simulated - start, time.perf_counter() - simulated)
     return result
+
+
+def write_beside(recording: Path, settings: Settings) -> Path:
+    """Write a scene's recording under a name that is given up when it is whole."""
+    unfinished = recording.with_suffix(f".{os.getpid()}.part")
+    write(unfinished, settings, with_detections=True)
+    return unfinished
 
 
 def _true_camera(view: View) -> CameraConfig:
@@ -201,11 +215,20 @@ def main() -> None:
     parser.add_argument("--cameras", type=int, default=16)
     parser.add_argument("--workers", type=int, default=multiprocessing.cpu_count())
     parser.add_argument("--each", action="store_true", help="a row for each camera, too")
+    parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
+    parser.add_argument(
+        "--keep",
+        type=Path,
+        metavar="DIR",
+        help="keep recordings there, and use those that are there",
+    )
     given, _ = parser.parse_known_args()
-    seeds = range(FIRST_SEED, FIRST_SEED + given.cameras)
+    seeds = range(given.first_seed, given.first_seed + given.cameras)
+    if given.keep is not None:
+        given.keep.mkdir(parents=True, exist_ok=True)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max(1, given.workers), mp_context=context) as pool:
-        results = list(pool.map(measure, seeds))
+        results = list(pool.map(partial(measure, keep=given.keep), seeds))
     out.print(
         f"{given.cameras} simulated cameras, {SETTINGS.duration_s:g} s of {SETTINGS.people} people "
         f"each, {SETTINGS.width_px}x{SETTINGS.height_px} at {SETTINGS.frame_rate:g} frames/s"

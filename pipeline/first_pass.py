@@ -53,9 +53,9 @@ BATCH_FRAMES = 256
 # Frames that are read before they are asked for: one chunk of the file gives several at once.
 READ_AHEAD_FRAMES = 4
 # The detector learns from this many pictures, spread over its learning time, during which frames
-# wait, still encoded, in at most this much memory.
+# wait, still encoded, in at most this much memory: fifteen seconds of 1080p at 25 frames/s and 400 KB.
 LEARNING_PICTURES = 25
-LEARNING_BYTES = 64 * 1024**2
+LEARNING_BYTES = 160 * 1024**2
 # Where neither the recording's nor the picture's size is known (nothing could be decoded).
 NO_SIZE = (0, 0)
 
