@@ -48,10 +48,18 @@ def cameras(draw):
     return CameraConfig(**values)
 
 
-priors = st.builds(SizePrior, text, st.sampled_from(list(Dimension)), finite, finite, text)
+priors = st.builds(
+    SizePrior, text, st.sampled_from(list(Dimension)), finite, finite, text, st.integers(0, 99)
+)
 configs = st.builds(
     Config,
-    detect=st.builds(DetectConfig, st.sampled_from(["auto", "roi"]), finite, finite),
+    detect=st.builds(
+        DetectConfig,
+        method=st.sampled_from(["auto", "roi"]),
+        learning_s=finite,
+        min_height=finite,
+        min_side_px=st.integers(0, 9999),
+    ),
     track=st.builds(TrackConfig, finite, finite, st.integers(0, 99)),
     estimate=st.builds(EstimateConfig, st.booleans()),
     camera=st.lists(cameras(), max_size=2).map(tuple),
