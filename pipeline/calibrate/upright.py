@@ -57,6 +57,22 @@ class Uprights:
         turn = _turn(self.middle, self.direction, tilt_rad, roll_rad) + bend * _bent(self.middle)
         return np.asarray(turn / self.std_rad)
 
+    def off_jacobian(self, tilt_rad: float, roll_rad: float) -> FloatArray:
+        """Return the derivatives of `off` by tilt, roll and bend, (n, 3)."""
+        cos, sin = np.cos(tilt_rad), np.sin(tilt_rad)
+        up = np.array([np.sin(roll_rad), np.cos(roll_rad)])
+        down = up * cos - self.middle * sin
+        by_tilt = -up * sin - self.middle * cos
+        by_roll = np.array([up[1], -up[0]]) * cos
+        squared = (down**2).sum(axis=1) * (self.direction**2).sum(axis=1)
+        # Of arctan(cross / dot): (dot d cross - cross d dot) / (cross^2 + dot^2).
+        cross, dot = _cross_and_dot(down, self.direction)
+        slopes = [_bent(self.middle)]
+        for by in (by_roll, by_tilt):
+            by_cross, by_dot = _cross_and_dot(np.broadcast_to(by, down.shape), self.direction)
+            slopes.insert(0, (dot * by_cross - cross * by_dot) / squared)
+        return np.asarray(np.stack(slopes, axis=1) / self.std_rad[:, None])
+
 
 NO_UPRIGHTS = Uprights(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), BEND_STD, 0.0)
 
@@ -117,9 +133,13 @@ def _turn(
     """Return the angle of each edge from the vertical where it is, (n,), within a quarter turn."""
     cos = np.cos(tilt_rad)
     down = np.array([np.sin(roll_rad) * cos, np.cos(roll_rad) * cos]) - middle * np.sin(tilt_rad)
-    cross = down[:, 0] * direction[:, 1] - down[:, 1] * direction[:, 0]
-    dot = (down * direction).sum(axis=1)
+    cross, dot = _cross_and_dot(down, direction)
     return np.asarray(np.arctan(cross / np.where(np.abs(dot) > 1e-12, dot, 1e-12)))
+
+
+def _cross_and_dot(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
+    cross = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    return cross, (one * other).sum(axis=1)
 
 
 def _bent(middle: FloatArray) -> FloatArray:

@@ -20,9 +20,19 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from scipy.optimize import OptimizeResult, least_squares
-from scipy.sparse import lil_matrix
 
 from pipeline.calibrate.upright import NO_UPRIGHTS, Uprights, find_uprights
+from pipeline.calibrate.walkers_model import (
+    PEOPLE,
+    POSE,
+    REACH,
+    TREND_STD,
+    Sample,
+    Scale,
+    jacobian,
+    predict,
+    residuals,
+)
 from pipeline.config import SizePrior
 from pipeline.errors import CalibrationUndetermined, UsageError
 from pipeline.estimate.columns import Measured
@@ -34,12 +44,10 @@ from pipeline.estimate.smoother import smooth_tracks
 from pipeline.optics.ground_plane import (
     add_roll,
     foot_depth_m,
-    ground_position_m,
     height_m,
     remove_roll,
 )
 from pipeline.optics.silhouette import (
-    REACH_COMMON_STD,
     UNKNOWN_REACH_STD,
     mean_reach,
     per_stature,
@@ -77,17 +85,10 @@ MAX_TILT_ERROR_RAD = np.deg2rad(5.0)
 MAX_DEVIATION = 2.6
 MAX_REJECTIONS = 4
 UPRIGHT_TILT_STD_RAD = np.deg2rad(1.5)  # about the tilt found, upright edges are looked for
-# Shadows fall to one side, grass and the blur of small pictures are far away: boxes differ over the
-# picture as they do from camera to camera, and without allowance for that roll and tilt would seem sure.
-# The one is an unknown where upright edges can tell it from roll; otherwise, and the other always, it is
-# considered in the covariance alone.
-TREND_STD = BOX_COMMON_STD
 REFINEMENTS = 2  # which way people walk is known better with each pose; the second moves it little
 USUAL_M = 1.7
 USUAL_TILT_RAD = np.deg2rad(20.0)  # before there is one
 TILTS_RAD = np.deg2rad([2.0, 8.0, 15.0, 25.0, 35.0, 50.0])
-# Cameras are put up upright; nothing else holds roll in a narrow view.
-ROLL_STD_RAD = np.deg2rad(5.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,84 +136,6 @@ class WalkersReport:
     tilt_std_rad: float
     roll_std_rad: float
     uprights: int = 0  # edges of the place that were taken for vertical
-
-
-@dataclass(frozen=True, slots=True)
-class _Sample:
-    """The observations that are used, by track number 0..p-1; points are normalised, roll and all."""
-
-    foot: FloatArray  # (n, 2) the lower end of the silhouette
-    head: FloatArray  # (n, 2) its upper end
-    reach: FloatArray  # (n,) how far the lower end is before the axis, of the stature
-    trends: FloatArray  # (n, 2) how far right and how near, in standard deviations
-    sigma: FloatArray  # (n,) of the head's row, normalised
-    track: npt.NDArray[np.intp]  # (n,)
-    weight: FloatArray  # (n,) the share of an independent observation that a row is
-    track_id: npt.NDArray[np.int64]  # (p,) by the recording's count
-
-    @property
-    def people(self) -> int:
-        return len(self.track_id)
-
-
-@dataclass(frozen=True, slots=True)
-class _Scale:
-    """What is known beside the tracks: statures as they are expected, distances, upright edges."""
-
-    mean_m: FloatArray  # (p,)
-    std_m: FloatArray  # (p,)
-    of_population: npt.NDArray[np.bool_]  # (p,) whether the mean is the population's
-    mean_std: float  # relative, of the mean of the people here about the population's
-    points: FloatArray  # (d, 2, 2) normalised
-    distance_m: FloatArray  # (d,)
-    distance_std: FloatArray  # (d,) relative
-    uprights: Uprights
-
-    @property
-    def side_std(self) -> float:
-        """How far boxes may differ from side to side; fixed where no edge tells it from roll."""
-        return TREND_STD if len(self.uprights) else TREND_STD / 100
-
-    @classmethod
-    def of(
-        cls,
-        sample: _Sample,
-        prior: SizePrior,
-        known: Known,
-        measured: Measured,
-        uprights: Uprights,
-    ) -> _Scale:
-        walking_m = prior.mean_m - GAIT_DROP_M
-        mean_m, std_m = np.full((2, sample.people), [[walking_m], [prior.std_m]])
-        of_population = np.ones(sample.people, dtype=np.bool_)
-        for person in known.heights:
-            mine = sample.track_id == person.track_id
-            mean_m[mine], of_population[mine] = person.height_m - GAIT_DROP_M, False
-            std_m[mine] = np.hypot(person.std_m, GAIT_DROP_STD_M)
-        mean_std = FREE_MEAN_STD if known else POPULATION_MEAN_STD_M / prior.mean_m
-        mean_std = float(np.hypot(mean_std, BOX_COMMON_STD))
-        camera = camera_of(measured.intrinsics) if measured.intrinsics else None
-        points = [
-            camera.normalize(np.asarray(d.points_px, dtype=np.float64))
-            for d in known.distances
-            if camera is not None
-        ]
-        return cls(
-            mean_m,
-            std_m,
-            of_population,
-            mean_std,
-            np.array(points).reshape(-1, 2, 2),
-            np.array([d.distance_m for d in known.distances]),
-            np.array([_relative_std(d) for d in known.distances]),
-            uprights,
-        )
-
-
-def _relative_std(known: KnownDistance) -> float:
-    """Return the relative standard deviation of a distance: survey, and marks of two points."""
-    apart_px = float(np.linalg.norm(np.diff(known.points_px, axis=0)))
-    return float(np.hypot(known.std_m / known.distance_m, np.sqrt(2) * known.std_px / apart_px))
 
 
 def calibrate_from_walkers(
@@ -264,15 +187,15 @@ def calibrate_from_walkers(
 
 
 def _fit_alike(
-    sample: _Sample,
+    sample: Sample,
     prior: SizePrior,
     known: Known,
     measured: Measured,
     before: OptimizeResult | None = None,
     uprights: Uprights = NO_UPRIGHTS,
-) -> tuple[_Sample, OptimizeResult]:
+) -> tuple[Sample, OptimizeResult]:
     """Fit, leave out whom the fit shows not to be one grown person, and fit again."""
-    scale = _Scale.of(sample, prior, known, measured, uprights)
+    scale = _scale(sample, prior, known, measured, uprights)
     best = _best_fit(sample, scale, before)
     for _ in range(MAX_REJECTIONS):
         # Somebody whose height is known may be as tall as they like.
@@ -280,9 +203,46 @@ def _fit_alike(
         if alike.all() or alike.sum() < MIN_PEOPLE:
             break
         sample = _only(sample, alike)
-        scale = _Scale.of(sample, prior, known, measured, uprights)
+        scale = _scale(sample, prior, known, measured, uprights)
         best = _best_fit(sample, scale, best)
     return sample, best
+
+
+def _scale(
+    sample: Sample, prior: SizePrior, known: Known, measured: Measured, uprights: Uprights
+) -> Scale:
+    """Return what is known beside the tracks."""
+    walking_m = prior.mean_m - GAIT_DROP_M
+    mean_m, std_m = np.full((2, sample.people), [[walking_m], [prior.std_m]])
+    of_population = np.ones(sample.people, dtype=np.bool_)
+    for person in known.heights:
+        mine = sample.track_id == person.track_id
+        mean_m[mine], of_population[mine] = person.height_m - GAIT_DROP_M, False
+        std_m[mine] = np.hypot(person.std_m, GAIT_DROP_STD_M)
+    mean_std = FREE_MEAN_STD if known else POPULATION_MEAN_STD_M / prior.mean_m
+    mean_std = float(np.hypot(mean_std, BOX_COMMON_STD))
+    camera = camera_of(measured.intrinsics) if measured.intrinsics else None
+    points = [
+        camera.normalize(np.asarray(d.points_px, dtype=np.float64))
+        for d in known.distances
+        if camera is not None
+    ]
+    return Scale(
+        mean_m,
+        std_m,
+        of_population,
+        mean_std,
+        np.array(points).reshape(-1, 2, 2),
+        np.array([d.distance_m for d in known.distances]),
+        np.array([_relative_std(d) for d in known.distances]),
+        uprights,
+    )
+
+
+def _relative_std(known: KnownDistance) -> float:
+    """Return the relative standard deviation of a distance: survey, and marks of two points."""
+    apart_px = float(np.linalg.norm(np.diff(known.points_px, axis=0)))
+    return float(np.hypot(known.std_m / known.distance_m, np.sqrt(2) * known.std_px / apart_px))
 
 
 def _uprights(lines_px: FloatArray | None, measured: Measured, fit: OptimizeResult) -> Uprights:
@@ -330,7 +290,7 @@ def _sample(
     prior: SizePrior,
     people: npt.NDArray[np.int64],
     plane: GroundPlane | None = None,
-) -> _Sample:
+) -> Sample:
     """Choose whole, unhidden people, spread over each track; a pose tells more of their outlines."""
     usable = (
         (measured.class_name == prior.object_class)
@@ -339,7 +299,7 @@ def _sample(
         & (measured.occlusion < 0.05)
         & assess(measured).ends_visible
     )
-    empty = _Sample(
+    empty = Sample(
         *(np.empty((0, 2)),) * 2,
         np.empty(0),
         np.empty((0, 2)),
@@ -378,7 +338,7 @@ def _sample(
     steep, _ = steepness(head[:, 1], tilt)
     own = np.hypot(GAIT_STD, reach_std * np.nan_to_num(steep))
     sigma = np.hypot(std_px / measured.intrinsics.fy_px, own * tall)
-    return _Sample(
+    return Sample(
         foot,
         head,
         reach,
@@ -442,55 +402,7 @@ def _ends(
 _NOBODY = np.empty(0, dtype=np.int64)
 
 
-# The unknowns: log camera height, tilt, roll, log of the mean of the people here over the population's,
-# what all reaches have in common, and the height of each.
-# how a lens bends upright edges (`calibrate.upright`) and what boxes have in common on one side of the
-# picture, stand before the heights.
-_POSE, _MEAN, _REACH, _BEND, _SIDE, _PEOPLE = slice(0, 3), 3, 4, 5, 6, 7
-
-
-def _predict(x: FloatArray, sample: _Sample) -> FloatArray:
-    """Return the rows at which the heads should be, without roll."""
-    camera_height_m, tilt, roll, heights_m = np.exp(x[0]), x[1], x[2], x[_PEOPLE:]
-    y_f = remove_roll(sample.foot, roll)[:, 1]
-    y_h = remove_roll(sample.head, roll)[:, 1]
-    z_m = foot_depth_m(camera_height_m, tilt, y_f)
-    tall_m = heights_m[sample.track] * per_stature(y_h, tilt, sample.reach + x[_REACH])
-    tall_m = tall_m * (1.0 + sample.trends[:, 0] * x[_SIDE])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray((z_m * y_f - tall_m * np.cos(tilt)) / (z_m - tall_m * np.sin(tilt)))
-
-
-def _residuals(x: FloatArray, sample: _Sample, scale: _Scale) -> FloatArray:
-    y_h = remove_roll(sample.head, x[2])[:, 1]
-    error = (y_h - _predict(x, sample)) / sample.sigma
-    # Feet above the horizon have no place on the ground: far off, but finite, so that the fit can
-    # find its way back.
-    error = np.where(np.isfinite(error), error, 100.0) * np.sqrt(sample.weight)
-    mean_m = scale.mean_m * np.where(scale.of_population, np.exp(x[_MEAN]), 1.0)
-    people = (x[_PEOPLE:] - mean_m) / scale.std_m
-    few = [x[2] / ROLL_STD_RAD, x[_MEAN] / scale.mean_std, x[_REACH] / REACH_COMMON_STD]
-    few += [x[_BEND] / scale.uprights.bend_std, x[_SIDE] / scale.side_std]
-    edges = scale.uprights.off(x[1], x[2], x[_BEND])
-    return np.concatenate([error, people, few, _distance_errors(x, scale), edges])
-
-
-def _distance_errors(x: FloatArray, scale: _Scale) -> FloatArray:
-    """Return how far known distances are off, in standard deviations, (d,)."""
-    if not len(scale.points):
-        return np.empty(0)
-    point = remove_roll(scale.points.reshape(-1, 2), x[2])
-    depth_m = foot_depth_m(np.exp(x[0]), x[1], point[:, 1])
-    place_m = np.stack(ground_position_m(depth_m, point[:, 0], point[:, 1], x[1]), axis=-1)
-    apart_m = np.linalg.norm(place_m[::2] - place_m[1::2], axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.log(apart_m / scale.distance_m) / scale.distance_std
-    return np.where(np.isfinite(error), error, 100.0)
-
-
-def _best_fit(
-    sample: _Sample, scale: _Scale, before: OptimizeResult | None = None
-) -> OptimizeResult:
+def _best_fit(sample: Sample, scale: Scale, before: OptimizeResult | None = None) -> OptimizeResult:
     """Return the fit from where one was before, or the better from the two most promising tilts."""
     if before is not None and before.x[1] > 0:
         return _fit(sample, scale, float(before.x[1]))
@@ -499,7 +411,7 @@ def _best_fit(
     return min(fits, key=lambda fit: float(fit.cost))
 
 
-def _alike(sample: _Sample, fit: OptimizeResult, prior: SizePrior) -> npt.NDArray[np.bool_]:
+def _alike(sample: Sample, fit: OptimizeResult, prior: SizePrior) -> npt.NDArray[np.bool_]:
     """Return which tracks, (p,), may be of grown people, one a box: as tall as the others.
 
     Two people in one box are twice as tall, a bag or half a person half as tall; what a pose gives is
@@ -510,17 +422,17 @@ def _alike(sample: _Sample, fit: OptimizeResult, prior: SizePrior) -> npt.NDArra
     y_h = remove_roll(sample.head, pose[2])[:, 1]
     z_m = foot_depth_m(np.exp(pose[0]), pose[1], y_f)
     tall_m = height_m(z_m, y_f, y_h, pose[1])
-    tall_m = tall_m / per_stature(y_h, pose[1], sample.reach + pose[_REACH])
+    tall_m = tall_m / per_stature(y_h, pose[1], sample.reach + pose[REACH])
     typical_m = np.array([np.nanmedian(tall_m[sample.track == t]) for t in range(sample.people)])
     relative = typical_m / np.nanmedian(typical_m) - 1
     return np.abs(relative) < MAX_DEVIATION * prior.std_m / prior.mean_m
 
 
-def _only(sample: _Sample, kept: npt.NDArray[np.bool_]) -> _Sample:
+def _only(sample: Sample, kept: npt.NDArray[np.bool_]) -> Sample:
     """Return the observations of the tracks that are kept, numbered anew."""
     rows = kept[sample.track]
     number = np.cumsum(kept) - 1
-    return _Sample(
+    return Sample(
         sample.foot[rows],
         sample.head[rows],
         sample.reach[rows],
@@ -532,44 +444,38 @@ def _only(sample: _Sample, kept: npt.NDArray[np.bool_]) -> _Sample:
     )
 
 
-def _start(sample: _Sample, scale: _Scale, tilt: float) -> FloatArray:
+def _start(sample: Sample, scale: Scale, tilt: float) -> FloatArray:
     """Return unknowns to start from at a tilt: everybody is as tall as is expected of them."""
     above_m = _height_for(sample, scale, tilt)
     return np.concatenate(
-        [[np.log(above_m), tilt, scale.uprights.roll_rad, *np.zeros(_PEOPLE - 3)], scale.mean_m]
+        [[np.log(above_m), tilt, scale.uprights.roll_rad, *np.zeros(PEOPLE - 3)], scale.mean_m]
     )
 
 
-def _start_cost(sample: _Sample, scale: _Scale, tilt: float) -> float:
+def _start_cost(sample: Sample, scale: Scale, tilt: float) -> float:
     """Return how badly a start fits, each residual counting no more than a bad one."""
-    residuals = _residuals(_start(sample, scale, tilt), sample, scale)
-    return float(np.minimum(np.abs(residuals), 5.0).sum())
+    off = residuals(_start(sample, scale, tilt), sample, scale)
+    return float(np.minimum(np.abs(off), 5.0).sum())
 
 
-def _fit(sample: _Sample, scale: _Scale, tilt: float) -> OptimizeResult:
-    people, rows = sample.people, len(sample.track)
+def _fit(sample: Sample, scale: Scale, tilt: float) -> OptimizeResult:
     start = _start(sample, scale, tilt)
-    others = _PEOPLE - 2 + len(scale.points) + len(scale.uprights)
-    pattern = lil_matrix((rows + people + others, _PEOPLE + people), dtype=int)
-    pattern[:, :_PEOPLE] = 1
-    pattern[np.arange(rows), _PEOPLE + sample.track] = 1
-    pattern[rows + np.arange(people), _PEOPLE + np.arange(people)] = 1
     low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, -0.3, -1.0, -0.1, *(0.4 * scale.mean_m)]
     high = [np.log(200.0), np.deg2rad(89), 0.35, 1.0, 0.3, 1.0, 0.1, *(1.6 * scale.mean_m)]
     return least_squares(
-        _residuals,
+        residuals,
         start,
+        jac=jacobian,
         args=(sample, scale),
         loss="soft_l1",
         f_scale=1.5,
-        jac_sparsity=pattern,
         bounds=(low, high),
         x_scale="jac",
         max_nfev=200,
     )
 
 
-def _height_for(sample: _Sample, scale: _Scale, tilt: float) -> float:
+def _height_for(sample: Sample, scale: Scale, tilt: float) -> float:
     """Return the camera height that gives people their expected stature at a tilt, in the median."""
     y_f, y_h = sample.foot[:, 1], sample.head[:, 1]
     unit_m = height_m(foot_depth_m(1.0, tilt, y_f), y_f, y_h, tilt)
@@ -578,7 +484,7 @@ def _height_for(sample: _Sample, scale: _Scale, tilt: float) -> float:
     return float(np.clip(np.median(scale.mean_m) / typical, 0.5, 100.0)) if typical > 0 else 5.0
 
 
-def _covariance(fit: OptimizeResult, sample: _Sample, uprights: Uprights) -> FloatArray:
+def _covariance(fit: OptimizeResult, sample: Sample, uprights: Uprights) -> FloatArray:
     """Return the covariance of (camera height, tilt, roll).
 
     From the Jacobian at the solution; the spread of the heads is taken from their residuals, while
@@ -588,7 +494,7 @@ def _covariance(fit: OptimizeResult, sample: _Sample, uprights: Uprights) -> Flo
     """
     jacobian = fit.jac.toarray() if hasattr(fit.jac, "toarray") else np.asarray(fit.jac)
     rows = len(sample.track)
-    freedom = max(sample.weight.sum() - _PEOPLE - sample.people, 1.0)
+    freedom = max(sample.weight.sum() - PEOPLE - sample.people, 1.0)
     excess = float((np.minimum(np.abs(fit.fun[:rows]), 3) ** 2).sum() / freedom)
     loose = max(excess, MIN_VARIANCE_RATIO)
     jacobian[:rows] /= np.sqrt(loose)
@@ -599,15 +505,15 @@ def _covariance(fit: OptimizeResult, sample: _Sample, uprights: Uprights) -> Flo
     per_share = tall / sample.sigma * np.sqrt(sample.weight / loose)
     considered = sample.trends if not len(uprights) else sample.trends[:, 1:]
     moved = inverse @ (jacobian[:rows].T @ (considered * per_share[:, None])) * TREND_STD
-    covariance = (inverse + moved @ moved.T)[_POSE, _POSE]
+    covariance = (inverse + moved @ moved.T)[POSE, POSE]
     to_metres = np.diag([float(np.exp(fit.x[0])), 1.0, 1.0])
     return np.asarray(to_metres @ covariance @ to_metres)
 
 
 def _report(
-    fit: OptimizeResult, sample: _Sample, measured: Measured, std: FloatArray, uprights: int
+    fit: OptimizeResult, sample: Sample, measured: Measured, std: FloatArray, uprights: int
 ) -> WalkersReport:
-    error = remove_roll(sample.head, fit.x[2])[:, 1] - _predict(fit.x, sample)
+    error = remove_roll(sample.head, fit.x[2])[:, 1] - predict(fit.x, sample)
     focal_px = measured.intrinsics.fy_px if measured.intrinsics else np.nan
     y_f = remove_roll(sample.foot, fit.x[2])[:, 1]
     depth_m = foot_depth_m(np.exp(fit.x[0]), fit.x[1], y_f)

@@ -62,6 +62,19 @@ def per_stature(y_high: ArrayLike, tilt_rad: ArrayLike, reach: ArrayLike) -> Flo
 
 
 @quiet
+def per_stature_jacobian(
+    y_high: ArrayLike, tilt_rad: ArrayLike, reach: ArrayLike
+) -> tuple[Floats, Floats, Floats]:
+    """Return the derivatives of `per_stature` by row, tilt and reach.
+
+    The angle below the horizon is the tilt plus arctan y.
+    """
+    tan, secant = steepness(y_high, tilt_rad)
+    by_angle = floats(reach) * secant**2 + CROWN_RADIUS * secant * tan
+    return np.asarray(by_angle / (1.0 + floats(y_high) ** 2)), np.asarray(by_angle), tan
+
+
+@quiet
 def axis_rows(
     y_low: ArrayLike, y_high: ArrayLike, tilt_rad: ArrayLike, reach: ArrayLike
 ) -> tuple[Floats, Floats]:
