@@ -109,6 +109,7 @@ def _smooth_batch(
 
 
 _TINY = 1e-12 * np.eye(2)
+_EYE = np.eye(4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,28 +146,34 @@ def _filtered_and_smoothed(
     ahead, ahead_spread = np.zeros((count, 4)), np.zeros((count, 4, 4))
     start = np.diag([FAR_M**2, FAR_M**2, SPEED_STD_M_S**2, SPEED_STD_M_S**2])
     noise = noise / weight[:, None, None]
+    move, driven = _motion(np.diff(time_s, prepend=time_s[0]))  # to each row from the one before it
+    moved = move.swapaxes(1, 2)
     for step in range(len(steps)):
         rows = steps.rows(step)
         if step == 0:
             x, p = np.zeros((len(rows), 4)), np.broadcast_to(start, (len(rows), 4, 4))
             x[:, :2] = seen[rows]
         else:
-            move, driven = _motion(time_s[rows] - time_s[rows - 1])
-            x = np.einsum("nij,nj->ni", move, state[rows - 1])
-            p = move @ spread[rows - 1] @ move.swapaxes(1, 2) + driven
+            x = np.einsum("nij,nj->ni", move[rows], state[rows - 1])
+            p = move[rows] @ spread[rows - 1] @ moved[rows] + driven[rows]
         ahead[rows], ahead_spread[rows] = x, p
-        gain = p[:, :, :2] @ np.linalg.inv(p[:, :2, :2] + noise[rows])
+        r = noise[rows]
+        gain = p[:, :, :2] @ np.linalg.inv(p[:, :2, :2] + r)
         gain = np.where(known[rows, None, None], gain, 0.0)
         state[rows] = x + np.einsum("nij,nj->ni", gain, seen[rows] - x[:, :2])
-        kept = np.eye(4) - np.concatenate([gain, np.zeros_like(gain)], axis=2)
+        kept = np.broadcast_to(_EYE, p.shape).copy()
+        kept[:, :, :2] -= gain
         # Joseph's form stays positive where noise is tiny beside what was known.
-        spread[rows] = kept @ p @ kept.swapaxes(1, 2) + gain @ noise[rows] @ gain.swapaxes(1, 2)
+        spread[rows] = kept @ p @ kept.swapaxes(1, 2) + gain @ r @ gain.swapaxes(1, 2)
+    # What a row takes back from the next one, for all rows at once; a track's last takes nothing.
+    back = np.zeros((count, 4, 4))
+    back[:-1] = spread[:-1] @ moved[1:] @ np.linalg.inv(ahead_spread[1:])
+    turned = back.swapaxes(1, 2)
     for step in range(len(steps) - 2, -1, -1):
         rows = steps.rows(step, int(steps.count[step + 1]))
-        move, _ = _motion(time_s[rows + 1] - time_s[rows])
-        back = spread[rows] @ move.swapaxes(1, 2) @ np.linalg.inv(ahead_spread[rows + 1])
-        state[rows] += np.einsum("nij,nj->ni", back, state[rows + 1] - ahead[rows + 1])
-        spread[rows] += back @ (spread[rows + 1] - ahead_spread[rows + 1]) @ back.swapaxes(1, 2)
+        gain, after = back[rows], rows + 1
+        state[rows] += np.einsum("nij,nj->ni", gain, state[after] - ahead[after])
+        spread[rows] += gain @ (spread[after] - ahead_spread[after]) @ turned[rows]
     return state, spread
 
 
