@@ -128,7 +128,7 @@ class MotionDetector:
         assert self._background is not None  # noqa: S101  (narrowing)
         differs = difference(image, reference)
         raw = _joined(self._background.foreground(differs))
-        mask, occupied = raw.copy(), raw.copy()
+        mask, occupied = raw, raw.copy()
         outlined = _outlined(raw)
         for x0, y0, x1, y1 in outlined:
             cv2.rectangle(occupied, (x0, y0), (x1 - 1, y1 - 1), (255,), cv2.FILLED)
@@ -137,13 +137,16 @@ class MotionDetector:
             part = slice(y0, y1), slice(x0, x1)
             shade = self._shadow.find(cv2.divide(image[part], reference[part], scale=UNIT))
             if shade is not None:
+                mask = raw.copy() if mask is raw else mask
                 cv2.subtract(mask[part], shade, dst=mask[part])
         return Foreground(mask, raw, differs, occupied, outlined)
 
     def _silhouettes(self, seen: Foreground) -> Silhouettes:
         """Return what is connected, or belongs together, one person each."""
         mask = seen.mask
-        boxes = np.array(_outlined(mask), dtype=np.intp).reshape(-1, 4)
+        # Where nothing was taken for shadow, outlines are those that are known.
+        outlined = seen.outlined if mask is seen.raw else _outlined(mask)
+        boxes = np.array(outlined, dtype=np.intp).reshape(-1, 4)
         weight = np.array(
             [float(cv2.countNonZero(mask[y0:y1, x0:x1])) for x0, y0, x1, y1 in boxes.tolist()]
         )

@@ -179,54 +179,62 @@ def join_parts(
         weight: pixels in each, (n,).
         scale: how tall a person is.
     """
-    while len(boxes) > 1 and _above_each_other(boxes):
-        cost, joined = _joining(boxes, scale)
-        i, j = np.unravel_index(np.argmin(cost), cost.shape)
-        if not np.isfinite(cost[i, j]):
+    edges, pixels = boxes.tolist(), weight.tolist()
+    while len(edges) > 1:
+        pairs = _above_each_other(edges)
+        costs = [_joining(edges[i], edges[j], scale) for i, j in pairs]
+        cost = min(costs, default=math.inf)
+        if not math.isfinite(cost):
             break
-        keep = np.ones(len(boxes), dtype=bool)
-        keep[[i, j]] = False
-        boxes = np.vstack([boxes[keep], joined[:, i, j].astype(np.intp)])
-        weight = np.append(weight[keep], weight[i] + weight[j])
-    return boxes, weight
+        i, j = pairs[costs.index(cost)]
+        both = [f(a, b) for f, a, b in zip(_OUTER, edges[i], edges[j], strict=True)]
+        pixels = [w for k, w in enumerate(pixels) if k not in (i, j)] + [pixels[i] + pixels[j]]
+        edges = [box for k, box in enumerate(edges) if k not in (i, j)] + [both]
+    return np.array(edges, dtype=np.intp).reshape(-1, 4), np.array(pixels, dtype=np.float64)
 
 
-def _above_each_other(boxes: BoxArray) -> bool:
-    """Return whether any two share enough columns; mostly none do, and that is quickly seen."""
-    sides = sorted(zip(boxes[:, 0].tolist(), boxes[:, 2].tolist(), strict=True))
-    for i, (left, right) in enumerate(sides):
-        for other_left, other_right in sides[i + 1 :]:
+_OUTER = (min, min, max, max)  # of the edges of two boxes
+
+
+def _above_each_other(boxes: list[list[int]]) -> list[tuple[int, int]]:
+    """Return which two boxes share enough columns, in order; mostly none do."""
+    order = sorted(range(len(boxes)), key=lambda i: (boxes[i][0], boxes[i][2]))
+    found = []
+    for k, i in enumerate(order):
+        left, right = boxes[i][0], boxes[i][2]
+        for j in order[k + 1 :]:
+            other_left, other_right = boxes[j][0], boxes[j][2]
             if other_left >= right:
                 break
             narrower = min(right - left, other_right - other_left)
             if min(right, other_right) - other_left >= OVERLAP * narrower:
-                return True
-    return False
+                found.append((min(i, j), max(i, j)))
+    return sorted(found)
 
 
-def _joining(boxes: BoxArray, scale: PersonScale) -> tuple[FloatArray, FloatArray]:
-    """Return what it costs to join each two, (n, n), infinite if they may not, and their boxes."""
-    x0, y0, x1, y1 = boxes.T.astype(np.float64)
-    shared = np.minimum(x1[:, None], x1) - np.maximum(x0[:, None], x0)
-    narrower = np.minimum((x1 - x0)[:, None], x1 - x0)
-    top, bottom = np.minimum(y0[:, None], y0), np.maximum(y1[:, None], y1)
-    left, right = np.minimum(x0[:, None], x0), np.maximum(x1[:, None], x1)
-    gap = np.maximum(y0[:, None], y0) - np.minimum(y1[:, None], y1)
-    height, width = bottom - top, right - left
-    upright = height / width
-    shape = (upright >= PERSON_ASPECT[0]) & (upright <= PERSON_ASPECT[1])
-    each = (y1 - y0)[:, None], y1 - y0
-    middle = (left + right) / 2
-    expected = scale.height_px(bottom, middle)
-    # Two whole people one behind the other are not parts of one: parts are shorter.
-    unknown = (gap <= GAP * height) & (np.minimum(*each) < 0.7 * height)
-    known = (gap <= KNOWN_GAP * expected) & (height <= JOINED * expected)
-    part_of = (y1 - y0) < PART * np.nan_to_num(scale.height_px(y1, (x0 + x1) / 2), nan=np.inf)
-    known &= part_of[:, None] & part_of  # who is whole, where they stand, is no part
-    part = (shared >= OVERLAP * narrower) & shape & np.where(np.isnan(expected), unknown, known)
-    inside = (shared >= 0.8 * narrower) & (gap <= 0)  # one within the other's outline
-    inside &= ~(height > TOO_TALL * expected)
-    np.fill_diagonal(part, False)
-    np.fill_diagonal(inside, False)
-    cost = np.where(part | inside, np.maximum(gap, 0) / height, np.inf)
-    return cost, np.array([left, top, right, bottom])
+def _joining(one: list[int], other: list[int], scale: PersonScale) -> float:
+    """Return what it costs to join two that share enough columns, infinite if they may not."""
+    left, top, right, bottom = (f(a, b) for f, a, b in zip(_OUTER, one, other, strict=True))
+    height = bottom - top
+    gap = max(one[1], other[1]) - min(one[3], other[3])
+    cost = max(gap, 0) / height
+    expected = scale.tall_at(bottom, (left + right) / 2)
+    shared = min(one[2], other[2]) - max(one[0], other[0])
+    narrower = min(one[2] - one[0], other[2] - other[0])
+    if shared >= 0.8 * narrower and gap <= 0 and not height > TOO_TALL * expected:
+        return cost  # one within the other's outline
+    if not PERSON_ASPECT[0] <= height / (right - left) <= PERSON_ASPECT[1]:
+        return math.inf
+    if math.isnan(expected):
+        # Two whole people one behind the other are not parts of one: parts are shorter.
+        shorter = min(one[3] - one[1], other[3] - other[1])
+        return cost if gap <= GAP * height and shorter < 0.7 * height else math.inf
+    if gap > KNOWN_GAP * expected or height > JOINED * expected:
+        return math.inf
+    return cost if _is_part(one, scale) and _is_part(other, scale) else math.inf
+
+
+def _is_part(box: list[int], scale: PersonScale) -> bool:
+    """Return whether a box is too short for a person there; who is whole is no part."""
+    tall = scale.tall_at(box[3], (box[0] + box[2]) / 2)
+    return math.isnan(tall) or box[3] - box[1] < PART * tall
