@@ -64,11 +64,12 @@ def ends_of(
     if last - first < MIN_COLUMNS:
         return None
     rows = cv2.reduce(part[:, first:last], 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0]
-    covered = np.sort(rows[rows > 0])
+    covered = rows[rows > 0]
+    covered.sort()
     if len(covered) < MIN_ROWS:
         return None
     level = max(END_WIDTH * float(covered[len(covered) // 2]), 255.0)
-    long = np.flatnonzero(rows >= level)
+    long = (rows >= level).nonzero()[0]
     if len(long) < MIN_ROWS:
         return None
     low, high = int(long[0]), int(long[-1]) + 1
@@ -113,10 +114,11 @@ def _columns(part: Image) -> tuple[int, int]:
     """Return first and last + 1 of the columns in which a body can be, by its head and trunk."""
     height, width = part.shape
     trunk = part[: max(round(TRUNK * height), 1)]
-    filled = np.cumsum(cv2.reduce(trunk, 0, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[0])
-    if filled[-1] == 0:
+    filled = cv2.reduce(trunk, 0, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[0].cumsum()
+    total = int(filled[-1])
+    if total == 0:
         return 0, 0
-    middle = int(np.searchsorted(filled, filled[-1] / 2))
+    middle = int(filled.searchsorted(total / 2))
     reach = max(round(REACH * height), 1)
     return max(middle - reach, 0), min(middle + reach + 1, width)
 

@@ -86,13 +86,14 @@ def _several(box: BoxArray, mask: Image, scale: PersonScale) -> bool:
     if y1 - y0 > STACKED * tall:
         return True
     lowest = max(y1 - round((LOWEST_HEAD - VALLEY) * tall), y0 + 1)  # of heads, and valleys
-    columns = np.not_equal(mask[y0:lowest, x0:x1].T, 0, order="C")  # in a row, for speed
-    outline = np.where(columns.any(axis=1), (y1 - y0) - columns.argmax(axis=1), 0)
+    upper = mask[y0:lowest, x0:x1]
+    first = cv2.transpose(upper).argmax(axis=1)  # columns in a row, for speed
+    outline = np.where(cv2.reduce(upper, 0, cv2.REDUCE_MAX)[0], (y1 - y0) - first, 0)
     outline = outline.astype(np.float32)
     outline = cv2.blur(outline[None], (max(round(0.06 * tall), 1), 1))[0]
     reach = 2 * max(round(HEADS_APART * tall), 1) + 1
     highest = cv2.dilate(outline[None], np.ones((1, reach), np.uint8))[0]
-    peaks = np.flatnonzero((outline >= highest) & (outline >= LOWEST_HEAD * tall)).tolist()
+    peaks = ((outline >= highest) & (outline >= LOWEST_HEAD * tall)).nonzero()[0].tolist()
     for a, b in pairwise(peaks):
         if min(outline[a], outline[b]) - outline[a : b + 1].min() >= VALLEY * tall:
             return True
@@ -137,7 +138,7 @@ def _lowest(
 ) -> tuple[int, int, float] | None:
     """Return row and column of the lowest foot of what is left, and how tall a person is there."""
     width = cv2.reduce(rest, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0]
-    rows = np.flatnonzero(width)
+    rows = width.nonzero()[0]
     if not len(rows):
         return None
     row = int(rows[-1])
@@ -145,14 +146,14 @@ def _lowest(
     tall = scale.tall_at(corner[1] + row + 1, corner[0] + column)
     if not tall > 0:
         return None
-    thick = np.flatnonzero(width >= 255 * max(FOOT * tall, 1))
+    thick = (width >= 255 * max(FOOT * tall, 1)).nonzero()[0]
     if not len(thick) or thick[-1] + 1 < REST * tall:
         return None
     row = int(thick[-1])
     low = max(row - round(FOOT * tall), 0)
-    columns = np.flatnonzero(cv2.reduce(rest[low : row + 1], 0, cv2.REDUCE_MAX)[0])
+    columns = cv2.reduce(rest[low : row + 1], 0, cv2.REDUCE_MAX)[0].nonzero()[0]
     # of several feet on a level, the one at the side: whoever is in the middle comes after
-    gaps = np.flatnonzero(np.diff(columns) > 1)
+    gaps = (columns[1:] - columns[:-1] > 1).nonzero()[0]
     last = columns[gaps[0]] if len(gaps) else columns[-1]
     return row, int(columns[0] + last) // 2, tall
 
@@ -184,7 +185,7 @@ def _head(full: Image, row: int, axis: int, tall: float) -> tuple[int, bool]:
     crown = row + 1 - round(tall)
     highest = max(crown - round(CROWN[1] * tall), 0)
     lowest = min(max(crown + round(CROWN[0] * tall), 1), len(filled))
-    empty = np.flatnonzero(~filled[highest:lowest])
+    empty = (~filled[highest:lowest]).nonzero()[0]
     if len(empty):
         return highest + int(empty[-1]) + 1, False
     if highest == 0:

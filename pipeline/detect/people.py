@@ -160,12 +160,13 @@ def _medians_nearby(row: FloatArray, column: FloatArray, ratio: FloatArray) -> F
     """
     rows, columns = (int(v.max() // CELL_PX) + 1 for v in (row, column))
     medians = np.ones((rows, columns))
-    for i in range(rows):
-        for j in range(columns):
-            middle = (np.array([i, j]) + 0.5) * CELL_PX
-            near = np.hypot(row - middle[0], (column - middle[1]) / 2) < CELL_PX
-            if near.sum() >= MIN_NEAR:
-                medians[i, j] = np.median(ratio[near])
+    down, across = ((np.arange(n)[:, None] + 0.5) * CELL_PX for n in (rows, columns))
+    for i, off in enumerate(row - down):
+        nearly = np.abs(off) < CELL_PX
+        beside = (column[nearly] - across) / 2
+        near = np.hypot(off[nearly], beside) < CELL_PX
+        for j in (near.sum(axis=1) >= MIN_NEAR).nonzero()[0]:
+            medians[i, j] = np.median(ratio[nearly][near[j]])
     return np.clip(medians, *LOCAL)
 
 

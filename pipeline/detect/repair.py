@@ -39,8 +39,8 @@ def repair(
     for i, (x0, y0, x1, y1) in enumerate(boxes.tolist()):
         tall = y1 - y0
         trunk = mask[y0 : y0 + max(round(TRUNK * tall), 1), x0:x1]
-        filled = np.cumsum(cv2.reduce(trunk, 0, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[0])
-        axis = x0 + int(np.searchsorted(filled, filled[-1] / 2))
+        filled = cv2.reduce(trunk, 0, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[0].cumsum()
+        axis = x0 + int(filled.searchsorted(int(filled[-1]) / 2))
         left, right = max(axis - round(REACH * tall), 0), axis + round(REACH * tall) + 1
         top, bottom = _reach(raw, left, right, y0, y1)
         if bottom - y1 <= DOUBTFUL * tall and y0 - top <= DOUBTFUL * tall:
@@ -66,8 +66,8 @@ def _reach(raw: Image, left: int, right: int, y0: int, y1: int) -> tuple[int, in
     far = round(FARTHEST * (y1 - y0))
     begin, end = max(y0 - far, 0), min(y1 + far, raw.shape[0])
     width = cv2.reduce(raw[begin:end, left:right], 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0]
-    empty = np.flatnonzero(width < 255 * max(MIN_WIDTH * (y1 - y0), 1))
-    above, below = empty[empty < y0 - begin], empty[empty >= y1 - begin]
+    empty = width < 255 * max(MIN_WIDTH * (y1 - y0), 1)
+    above, below = empty[: y0 - begin].nonzero()[0], empty[y1 - begin :].nonzero()[0]
     top = begin + int(above[-1]) + 1 if len(above) else begin
-    bottom = begin + int(below[0]) if len(below) else end
+    bottom = y1 + int(below[0]) if len(below) else end
     return top, bottom

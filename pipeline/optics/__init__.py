@@ -8,6 +8,7 @@ exposure:       Eq. 15, exposure values, luminance
 distortion:     what the lens does to directions, and back, as far as it is one to one
 pinhole:        the camera: an ideal pinhole behind a lens with distortion
 ground_plane:   a camera above flat ground: depth, height and position of what stands on it
+silhouette:     from the outline of an upright person to the axis of the body
 arrays:         what they share: float64, and no warnings about the unknown
 
 The paper is SN Applied Sciences (2021) 3:595. Every name carries its unit; unknown is NaN, and NaN

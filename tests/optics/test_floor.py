@@ -18,8 +18,9 @@ MODULES = sorted(p.stem for p in OPTICS.glob("*.py") if p.stem != "__init__")
 OTHER = {"floats", "positive", "check_distortion", "distort", "undistort"}
 OTHER |= {"brown_curve", "fisheye_curve"}
 POINTS = {"xy", "foot", "head"}
-# An unknown focus distance counts as infinite (thin_lens).
+# An unknown focus distance counts as infinite (thin_lens), an unknown ray as level (silhouette).
 UNKNOWN_IS_FINE = {
+    ("mean_reach", "steep"),
     ("image_distance_mm", "focus_distance_m"),
     ("depth_of_field_m", "focus_distance_m"),
 }
