@@ -9,6 +9,7 @@ import math
 import re
 
 import pytest
+from mcap.reader import make_reader
 
 from recordings.simulate_staff import write
 from tests.recordings.conftest import RECORDINGS
@@ -31,10 +32,22 @@ def _sizes_px(staff, begin, end):
     return widths, [(b.y_max_px - b.y_min_px) / SCALE for b in boxes]
 
 
+def _content(path):
+    """Return all that a recording says; its schemas may have learned of more messages since."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        messages = [
+            (schema.name, channel.topic, message.log_time, message.data)
+            for schema, channel, message in reader.iter_messages()
+        ]
+        attachments = [(a.name, a.data) for a in reader.iter_attachments()]
+        return messages, attachments, [(m.name, m.metadata) for m in reader.iter_metadata()]
+
+
 @pytest.mark.slow
-def test_regenerating_gives_the_same_bytes(tmp_path):
+def test_regenerating_gives_the_same_messages_byte_for_byte(tmp_path):
     write(tmp_path / "staff.mcap")
-    assert (tmp_path / "staff.mcap").read_bytes() == (RECORDINGS / "staff.mcap").read_bytes()
+    assert _content(tmp_path / "staff.mcap") == _content(RECORDINGS / "staff.mcap")
 
 
 def test_it_is_small():
