@@ -15,7 +15,7 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
@@ -32,7 +32,7 @@ from pipeline.progress import Progress, Report, silent
 from pipeline.records import Diagnostic, Severity
 from pipeline.second_pass import estimate_recording
 from pipeline.stages import StageTimes
-from pipeline.store.database import RecordingRow, Store
+from pipeline.store.database import RecordingRow, Store, new_run_id
 
 LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "rerun-sdk", "scipy")
 
@@ -87,10 +87,21 @@ def run(
         StoreError: the database cannot be opened or written.
     """
     paths = list(dict.fromkeys(Path(p) for p in recordings))
-    with Store.open(database) as store, _parts_folder(database) as parts:
-        run_id = store.start_run("run", label, describe(config), library_versions(), __version__)
-        result = RunResult(run_id)
+    new = not database.exists()
+    with (
+        Store.hold(database) as store,
+        ThreadPoolExecutor(1) as aside,
+        _parts_folder(database) as parts,
+    ):
+        result = RunResult(new_run_id())
+        run_id = result.run_id
+        begun = aside.submit(_begin, store, run_id, config, label)
+        # Half a second for a new one's tables and views, which is nobody's to wait for. With one that
+        # is there more can go wrong: that is to be known before an hour of footage is measured.
+        if not new:
+            begun.result()
         for outcome, folder in _measured(paths, config, parts, workers, report):
+            begun.result()
             result.outcomes.append(outcome)
             _store(store, run_id, outcome, folder, config, report)
             shutil.rmtree(folder, ignore_errors=True)
@@ -102,8 +113,14 @@ def run(
             if outcome.recording is not None:
                 frames = outcome.recording.frame_count
                 report(Progress(outcome.path.name, "done", frames, 1.0))
+        begun.result()
         store.finish_run(run_id)
     return result
+
+
+def _begin(store: Store, run_id: str, config: Config, label: str | None) -> None:
+    store.prepare()
+    store.start_run("run", label, describe(config), library_versions(), __version__, run_id)
 
 
 def estimate_again(database: Path, config: Config, label: str | None) -> tuple[str, int]:

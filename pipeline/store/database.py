@@ -101,12 +101,21 @@ class Store:
         store = cls(connect(path, read_only=read_only), path)
         if not read_only:
             try:
-                with store.transaction():
-                    apply_schema(store._connection)
+                store.prepare()
             except BaseException:
                 store._connection.close()
                 raise
         return store
+
+    @classmethod
+    def hold(cls, path: Path) -> Store:
+        """Take hold of a database for writing, as `open`; until `prepare` it may have no tables."""
+        return cls(connect(path, read_only=False), path)
+
+    def prepare(self) -> None:
+        """Make the tables and views of this version, where they are not there yet."""
+        with self.transaction():
+            apply_schema(self._connection)
 
     @classmethod
     def open_current(cls, path: Path) -> Store:
