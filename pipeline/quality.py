@@ -185,10 +185,16 @@ def _covered(m: Measured, tall_px: FloatArray) -> tuple[FloatArray, FloatArray]:
     Rows are sorted by frame and compared with the next, the next but one, and so on, as long as these are
     of the same frame: each step is one pass over all frames.
     """
-    cover, reach_px = np.zeros((len(m), 2)), np.zeros((len(m), 2))
-    order = np.argsort(m.frame_index, kind="stable")
-    frame, left, right = m.frame_index[order], m.bbox_xyxy_px[:, 0], m.bbox_xyxy_px[:, 2]
-    for step in range(1, len(m)):
+    index, frame, box = m.observation_index, m.frame_index, m.bbox_xyxy_px
+    if m.others is not None:
+        index = np.concatenate([index, m.others.observation_index])
+        frame = np.concatenate([frame, m.others.frame_index])
+        box = np.concatenate([box, m.others.bbox_xyxy_px])
+        tall_px = np.maximum(box[:, 3] - box[:, 1], 0.0)
+    cover, reach_px = np.zeros((len(box), 2)), np.zeros((len(box), 2))
+    order = np.lexsort((index, frame))
+    frame, left, right = frame[order], box[:, 0], box[:, 2]
+    for step in range(1, len(box)):
         same = np.flatnonzero(frame[step:] == frame[:-step])
         if not len(same):
             break
@@ -196,11 +202,11 @@ def _covered(m: Measured, tall_px: FloatArray) -> tuple[FloatArray, FloatArray]:
         beside = np.minimum(right[one], right[other]) > np.maximum(left[one], left[other])
         one, other = one[beside], other[beside]
         for behind, before in ((one, other), (other, one)):
-            share, reach = _cover(m.bbox_xyxy_px[behind], m.bbox_xyxy_px[before], tall_px[behind])
+            share, reach = _cover(box[behind], box[before], tall_px[behind])
             worse = share > cover[behind]
             cover[behind] = np.where(worse, share, cover[behind])
             reach_px[behind] = np.where(worse, reach, reach_px[behind])
-    return cover, reach_px
+    return cover[: len(m)], reach_px[: len(m)]
 
 
 def _cover(

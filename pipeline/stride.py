@@ -30,11 +30,11 @@ def stride_phase_rad(m: Measured) -> FloatArray:
     rows = np.flatnonzero(usable)
     if len(rows) < MIN_IN_WINDOW:
         return phase
-    time_s = (m.capture_time_ns[rows] - m.capture_time_ns.min()) / 1e9
+    rows = rows[np.lexsort((m.capture_time_ns[rows], m.track_id[rows]))]
+    track, time_ns = m.track_id[rows], m.capture_time_ns[rows]
+    first = np.concatenate([[True], np.diff(track) != 0])
+    time_s = (time_ns - time_ns[np.flatnonzero(first)][np.cumsum(first) - 1]) / 1e9
     window = np.floor(time_s / WINDOW_S).astype(np.int64)
-    order = np.lexsort((time_s, window, m.track_id[rows]))
-    rows, time_s, window = rows[order], time_s[order], window[order]
-    track = m.track_id[rows]
     new = np.concatenate([[True], (np.diff(track) != 0) | (np.diff(window) != 0)])
     starts = np.flatnonzero(new)
     group = np.cumsum(new) - 1

@@ -15,8 +15,20 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
+class Boxes:
+    """Boxes of other tracks in the same frames: they may hide what is estimated."""
+
+    observation_index: IntArray
+    frame_index: IntArray
+    bbox_xyxy_px: FloatArray  # (k, 4)
+
+
+@dataclass(frozen=True, slots=True)
 class Measured:
-    """What pass 1 measured, one row an observation: arrays of length n, NaN is unknown."""
+    """What pass 1 measured, one row an observation: arrays of length n, NaN is unknown.
+
+    Tracks are whole. They need not be all of the camera: the boxes of the others are in `others` then.
+    """
 
     camera: str
     observation_index: IntArray
@@ -38,6 +50,7 @@ class Measured:
     exposure_time_s: FloatArray | None = None
     blur_sigma_px: FloatArray | None = None  # None: nobody looked
     blur_std_px: FloatArray | None = None
+    others: Boxes | None = None  # None: nobody else is there
 
     def __len__(self) -> int:
         return len(self.observation_index)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,14 +11,15 @@ import pyarrow as pa
 import pyarrow.compute
 
 from pipeline.config import Config
+from pipeline.diagnostics import Notes
 from pipeline.estimate import aperture, defocus, fused, ground, inverse, size
-from pipeline.estimate.columns import Estimated, Measured
+from pipeline.estimate.columns import Boxes, Estimated, Measured
 from pipeline.estimate.gait import as_standing
 from pipeline.estimate.geometry import Geometry
-from pipeline.estimate.notes import not_applicable, outside_calibration
+from pipeline.estimate.notes import Classes, not_applicable, outside_calibration
 from pipeline.estimate.reach import with_reach
 from pipeline.estimate.tracks import track_heights
-from pipeline.quality import assess, with_track
+from pipeline.quality import Quality, assess, with_track
 from pipeline.records import (
     CALIBRATIONS,
     ESTIMATES,
@@ -51,6 +52,48 @@ class Estimates:
     diagnostics: list[Diagnostic]
 
 
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """What pass 2 makes of some tracks of a camera, as rows of the tables."""
+
+    estimates: pa.Table
+    track_heights: pa.Table
+    quality: pa.Table
+
+
+class Said:
+    """What is to be said of a recording besides its rows, summed over batches of its tracks."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._notes = Notes()
+        self._classes: dict[str, Classes] = {}
+        self._used: set[str] = set()
+
+    def add(self, notes: Iterable[Diagnostic]) -> None:
+        """Add diagnostics; equal ones become one, and their counts are summed."""
+        for note in notes:
+            self._notes.add(note)
+
+    def count(self, measured: Measured, made: Iterable[Estimated]) -> None:
+        """Count a batch's classes, and keep which calibrations its estimates used."""
+        self._classes.setdefault(measured.camera, Classes()).add(measured, self._config)
+        for estimated in made:
+            self._used |= set(estimated.calibration_id) - {None}
+
+    def diagnostics(self) -> list[Diagnostic]:
+        """Return all that is to be said."""
+        for camera, classes in self._classes.items():
+            self.add(not_applicable(camera, classes, self._config))
+        self._classes.clear()
+        return list(self._notes)
+
+    def calibrations(self) -> pa.Table:
+        """Return the calibrations that were used, as rows of the table."""
+        used = {c.calibration_id: c for c in self._config.calibration}
+        return calibrations_table([c for key, c in used.items() if key in self._used])
+
+
 def estimate(
     observations: pa.Table,
     frames: pa.Table,
@@ -58,7 +101,7 @@ def estimate(
     poses: Mapping[str, GroundPlane],
     config: Config,
 ) -> Estimates:
-    """Run every method that applies on every camera of a recording.
+    """Run every method that applies on every camera of a recording, all of it at once.
 
     Args:
         observations: a recording's rows of this table.
@@ -67,40 +110,78 @@ def estimate(
         poses: the ground plane of each camera whose pose is known.
         config: calibrations and priors.
     """
-    rows, heights, judged, notes = [], [], [], []
-    used: dict[str, Calibration] = {}
-    for measured in measured_by_camera(observations, frames, cameras, poses):
-        quality = assess(measured)
-        geometry = with_reach(quality.applied(measured))
-        made = {method: run(geometry, config) for method, run in METHODS.items()}
-        made = {m: e for m, e in made.items() if np.isfinite(e.depth_m).any()}
-        by_blur, said = defocus.estimate(geometry, config, made)
-        notes += said
-        if np.isfinite(by_blur.depth_m).any():
-            made[Method.DEFOCUS] = by_blur
-        if made:
-            by_ground = made.get(Method.GROUND)
-            track = fused.beside_track(geometry.measured, by_ground, quality) if by_ground else None
-            quality = with_track(quality, track) if track else quality
-            best = fused.estimate(geometry, made, track)
-            for member in made.values():
-                as_standing(measured, member, best.speed_m_s, member.height_assumed)
-            made[Method.FUSED] = best
-        for method, estimated in made.items():
-            rows.append(_long(measured, estimated, method))
-            heights.append(track_heights(measured, estimated, method, config.size_prior))
-            ids = set(estimated.calibration_id) - {None}
-            used |= {c.calibration_id: c for c in config.calibration if c.calibration_id in ids}
-            notes += outside_calibration(measured, estimated, method)
-        judged.append(quality.table(measured))
-        notes += not_applicable(measured, config)
+    said = Said(config)
+    rows = [
+        estimate_tracks(measured, config, said)
+        for measured in measured_by_camera(observations, frames, cameras, poses)
+    ]
     return Estimates(
-        pa.concat_tables(rows) if rows else ESTIMATES.empty_table(),
-        pa.concat_tables(heights) if heights else TRACK_HEIGHTS.empty_table(),
-        calibrations_table(list(used.values())),
-        pa.concat_tables(judged) if judged else OBSERVATION_QUALITY.empty_table(),
-        notes,
+        pa.concat_tables([ESTIMATES.empty_table(), *(r.estimates for r in rows)]),
+        pa.concat_tables([TRACK_HEIGHTS.empty_table(), *(r.track_heights for r in rows)]),
+        said.calibrations(),
+        pa.concat_tables([OBSERVATION_QUALITY.empty_table(), *(r.quality for r in rows)]),
+        said.diagnostics(),
     )
+
+
+def estimate_tracks(
+    measured: Measured, config: Config, said: Said, blur: defocus.CameraBlur | None = None
+) -> Rows:
+    """Run every method that applies on whole tracks of a camera.
+
+    A track's rows do not depend on which other tracks come with it, as long as the boxes of those that
+    do not are among `measured.others`.
+
+    Args:
+        measured: the tracks.
+        config: calibrations and priors.
+        said: takes what is to be said of them.
+        blur: what the blur of all of the camera says, where these are some of its tracks.
+    """
+    quality, geometry, made = _apart(measured, config)
+    by_blur, notes = defocus.estimate(geometry, config, made, blur)
+    said.add(notes)
+    if np.isfinite(by_blur.depth_m).any():
+        made[Method.DEFOCUS] = by_blur
+    if made:
+        by_ground = made.get(Method.GROUND)
+        track = fused.beside_track(geometry.measured, by_ground, quality) if by_ground else None
+        quality = with_track(quality, track) if track else quality
+        best = fused.estimate(geometry, made, track)
+        for member in made.values():
+            as_standing(measured, member, best.speed_m_s, member.height_assumed)
+        made[Method.FUSED] = best
+    said.count(measured, made.values())
+    for method, estimated in made.items():
+        said.add(outside_calibration(measured, estimated, method))
+    rows = [_long(measured, e, method) for method, e in made.items()]
+    heights = [track_heights(measured, e, m, config.size_prior) for m, e in made.items()]
+    return Rows(
+        pa.concat_tables([ESTIMATES.empty_table(), *rows]),
+        pa.concat_tables([TRACK_HEIGHTS.empty_table(), *heights]),
+        quality.table(measured),
+    )
+
+
+def camera_blur(measured: Measured, config: Config) -> defocus.CameraBlur:
+    """Return what the blur of a camera says, by a fair sample of its tracks."""
+    _, geometry, made = _apart(measured, config)
+    return defocus.learn(geometry, config, made)
+
+
+def _apart(measured: Measured, config: Config) -> tuple[Quality, Geometry, dict[Method, Estimated]]:
+    """Return how good the boxes are, their geometry, and what each method makes of them by itself.
+
+    A method that has no depth is left out; but where the pose is known it says something of every
+    track that there is none by the ground, so this is kept.
+    """
+    quality = assess(measured)
+    geometry = with_reach(quality.applied(measured))
+    made = {method: run(geometry, config) for method, run in METHODS.items()}
+    posed = measured.ground_plane is not None and measured.intrinsics is not None
+    kept = {Method.GROUND} if posed else set()
+    made = {m: e for m, e in made.items() if m in kept or np.isfinite(e.depth_m).any()}
+    return quality, geometry, made
 
 
 def measured_by_camera(
@@ -130,25 +211,40 @@ def measured_by_camera(
         name = camera["camera"]
         mine = joined.filter(pa.compute.equal(joined["camera"], name))
         if mine.num_rows:
-            result.append(_measured(mine, name, _intrinsics(camera), poses.get(name)))
+            result.append(measured_of(mine, camera, poses.get(name)))
     return result
 
 
-def _measured(
-    table: pa.Table, camera: str, intrinsics: Intrinsics | None, plane: GroundPlane | None
+def measured_of(
+    table: pa.Table,
+    camera: Mapping[str, Any],
+    plane: GroundPlane | None,
+    others: pa.Table | None = None,
 ) -> Measured:
+    """Return observations of one camera, joined with their frames, as arrays.
+
+    Args:
+        table: the observations, in the order of their number.
+        camera: the camera's row of the table `cameras`.
+        plane: its pose, where it is known.
+        others: index, frame and box of what else is in their frames.
+    """
+
     def number(name: str) -> FloatArray:
         return np.asarray(table[name].to_numpy(), dtype=np.float64)
 
     sides = ("x_min", "y_min", "x_max", "y_max")
+    names = table["class_name"].combine_chunks().dictionary_encode()
     cuts = ("left", "top", "right", "bottom")
     return Measured(
-        camera=camera,
+        camera=camera["camera"],
         observation_index=table["observation_index"].to_numpy(),
         frame_index=table["frame_index"].to_numpy(),
         capture_time_ns=table["capture_time_ns"].to_numpy(),
         track_id=table["track_id"].to_numpy(),
-        class_name=np.array(table["class_name"].to_pylist(), dtype=np.object_),
+        class_name=np.array(names.dictionary.to_pylist(), dtype=np.object_)[
+            names.indices.to_numpy()
+        ],
         bbox_xyxy_px=np.stack([number(f"{s}_px") for s in sides], axis=1),
         std_xyxy_px=np.nan_to_num(np.stack([number(f"{s}_std_px") for s in sides], axis=1)),
         truncated=np.stack(
@@ -160,11 +256,21 @@ def _measured(
         focus_distance_m=number("focus_distance_m"),
         pixel_pitch_x_um=number("pixel_pitch_x_um"),
         pixel_pitch_y_um=number("pixel_pitch_y_um"),
-        intrinsics=intrinsics,
+        intrinsics=_intrinsics(camera),
         ground_plane=plane,
         exposure_time_s=number("exposure_time_s"),
         blur_sigma_px=number("blur_sigma_px"),
         blur_std_px=number("blur_std_px"),
+        others=None if others is None or not others.num_rows else _boxes(others),
+    )
+
+
+def _boxes(table: pa.Table) -> Boxes:
+    sides = [table[f"{s}_px"].to_numpy() for s in ("x_min", "y_min", "x_max", "y_max")]
+    return Boxes(
+        table["observation_index"].to_numpy(),
+        table["frame_index"].to_numpy(),
+        np.stack(sides, axis=1).astype(np.float64),
     )
 
 
@@ -189,7 +295,9 @@ def _long(measured: Measured, estimated: Estimated, method: Method) -> pa.Table:
         if hasattr(estimated, name) and name != "in_calibrated_range"
     }
     columns["observation_index"] = measured.observation_index[known]
-    columns["method"] = [str(method)] * int(known.sum())
+    columns["method"] = pa.repeat(
+        pa.scalar(str(method), ESTIMATES.field("method").type), int(known.sum())
+    )
     columns["in_calibrated_range"] = pa.array(in_range[known] > 0, mask=np.isnan(in_range[known]))
     arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in ESTIMATES]
     return pa.Table.from_arrays(arrays, schema=ESTIMATES)

@@ -25,7 +25,7 @@ from pipeline.estimate.branch import Sides, choose
 from pipeline.estimate.columns import BoolArray, Estimated, Measured
 from pipeline.estimate.common import add_heights, add_positions
 from pipeline.estimate.geometry import Geometry
-from pipeline.estimate.sweep import Sweeps, solve
+from pipeline.estimate.sweep import Floor, Sweeps, solve
 from pipeline.optics.defocus import diffraction_sigma_um, dioptres, radius_per_dioptre_um
 from pipeline.records import Diagnostic, FloatArray, Method, Severity
 
@@ -52,8 +52,32 @@ class Vergence:
     common: FloatArray  # and of what the frames of a track share: floor and lens
 
 
+@dataclass(frozen=True, slots=True)
+class CameraBlur:
+    """What the blur of all of a camera says, or that of a fair sample of its tracks."""
+
+    contradicted: Diagnostic | None = None
+    floor: tuple[Floor, ...] | None = None  # by sweeps
+
+
+def learn(geometry: Geometry, config: Config, others: Mapping[Method, Estimated]) -> CameraBlur:
+    """Return what cannot be told of a few tracks alone; arguments as those of `estimate`."""
+    m = geometry.measured
+    if m.blur_sigma_px is None or not np.isfinite(m.blur_sigma_px).any():
+        return CameraBlur()
+    blur = BlurVariance.of(geometry, config.camera_named(m.camera))
+    contradicted = _contradiction(blur, m, others)
+    if contradicted:
+        return CameraBlur(contradicted)
+    _, sweeps = _vergence(blur.without(_moving(blur, m)), m, None)
+    return CameraBlur(floor=sweeps.rounds if sweeps else None)
+
+
 def estimate(
-    geometry: Geometry, config: Config, others: Mapping[Method, Estimated]
+    geometry: Geometry,
+    config: Config,
+    others: Mapping[Method, Estimated],
+    camera: CameraBlur | None = None,
 ) -> tuple[Estimated, list[Diagnostic]]:
     """Return depths by the blur of edges, and what is to be said of those that have none.
 
@@ -62,6 +86,7 @@ def estimate(
         config: the camera's softness, where it was calibrated.
         others: the estimates of other methods, which tell the side of focus and whether the lens data
             can be believed. They do not move the depth.
+        camera: what all of the camera says, where these are some of its tracks.
     """
     m = geometry.measured
     estimated = Estimated(len(m))
@@ -69,15 +94,15 @@ def estimate(
         return estimated, []
     blur = BlurVariance.of(geometry, config.camera_named(m.camera))
     notes = []
-    contradicted = _contradiction(blur, m, others)
+    contradicted = camera.contradicted if camera else _contradiction(blur, m, others)
     if contradicted:
-        return estimated, [contradicted]
+        return estimated, [] if camera else [contradicted]
     moving = _moving(blur, m)
     if moving.any():
         text = "blur may be motion: the object moves too far while the shutter is open; no depth"
         notes.append(_note(m, "blur_by_motion", text, int(moving.sum())))
     blur = blur.without(moving)
-    vergence, sweeps = _vergence(blur, m)
+    vergence, sweeps = _vergence(blur, m, camera)
     if sweeps is not None:
         text = (
             "the camera's own softness by what stood still while the aperture changed: "
@@ -154,11 +179,16 @@ class BlurVariance:
         )
 
 
-def _vergence(blur: BlurVariance, m: Measured) -> tuple[Vergence, Sweeps | None]:
+def _vergence(
+    blur: BlurVariance, m: Measured, camera: CameraBlur | None
+) -> tuple[Vergence, Sweeps | None]:
     """Return u of every observation: by its own blur, or by the sweep that it belongs to."""
     floor, floor_std = blur.floor, blur.floor_std
-    before = (floor - blur.diffraction, floor_std)
-    sweeps = solve(m, blur.variance - blur.diffraction, blur.std, blur.per_dioptre2, before)
+    before, known = (floor - blur.diffraction, floor_std), camera.floor if camera else None
+    sweeps = None
+    if camera is None or known:
+        variance = blur.variance - blur.diffraction
+        sweeps = solve(m, variance, blur.std, blur.per_dioptre2, before, known)
     if sweeps is not None:
         floor = sweeps.floor_px2 + blur.diffraction
         floor_std = np.hypot(sweeps.floor_px2_std, blur.diffraction / 2)

@@ -26,6 +26,16 @@ PRIOR_WIDENED = 4.0
 LEAST_STD_PX = 0.02
 # A point this far off the line is not on it, in standard deviations.
 OUTLIER = 4.0
+ROUNDS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """What all sweeps of a camera have in common, in one round of the fit."""
+
+    px2: float
+    px2_std: float
+    scale: float  # by which points scatter more than they should
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +47,7 @@ class Sweeps:
     u2: FloatArray
     u2_std: FloatArray
     count: int
+    rounds: tuple[Floor, ...]
 
     @property
     def floor_px_std(self) -> float:
@@ -50,6 +61,7 @@ def solve(
     std: FloatArray,
     per_dioptre2: FloatArray,
     floor: tuple[FloatArray, FloatArray],
+    rounds: tuple[Floor, ...] | None = None,
 ) -> Sweeps | None:
     """Return the floor and the objects' u^2 by all sweeps of a camera; None where there is none.
 
@@ -59,6 +71,7 @@ def solve(
         std: its standard deviation.
         per_dioptre2: (a v / 2p)^2, px^2.
         floor: what is believed of the floor, px^2, and how surely; a poor sweep does not overrule it.
+        rounds: what the sweeps of the whole camera said, where these are some of them.
     """
     group = _sweeps(m, np.isfinite(variance) & (std > 0))
     rows = np.flatnonzero(group >= 0)
@@ -69,14 +82,17 @@ def solve(
     weight = 1.0 / std[rows] ** 2
     prior, prior_std = (float(np.nanmedian(f[rows])) for f in floor)
     prior_std *= PRIOR_WIDENED
-    for _ in range(3):
-        found, found_std, slope, slope_std, by_floor, off = _line(g, x, y, weight, prior, prior_std)
+    said: list[Floor] = []
+    for number in range(ROUNDS):
+        known = rounds[number] if rounds else None
+        found, slope, slope_std, by_floor, off = _line(g, x, y, weight, prior, prior_std, known)
         weight = np.where(np.abs(off) > OUTLIER, 0.0, weight)
-    found_std = float(np.hypot(found_std, 2 * np.sqrt(max(found, 0.0)) * LEAST_STD_PX))
+        said.append(found)
+    found_std = float(np.hypot(found.px2_std, 2 * np.sqrt(max(found.px2, 0.0)) * LEAST_STD_PX))
     u2, u2_std = np.full(len(m), np.nan), np.full(len(m), np.nan)
     u2[rows] = slope[g]
     u2_std[rows] = np.hypot(slope_std[g], by_floor[g] * found_std)
-    return Sweeps(found, found_std, u2, u2_std, int(g.max()) + 1)
+    return Sweeps(found.px2, found_std, u2, u2_std, int(g.max()) + 1, tuple(said))
 
 
 def _line(
@@ -86,7 +102,8 @@ def _line(
     weight: FloatArray,
     prior: float,
     prior_std: float,
-) -> tuple[float, float, FloatArray, FloatArray, FloatArray, FloatArray]:
+    known: Floor | None,
+) -> tuple[Floor, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Fit y = floor + slope_g x; return floor, slopes, their deviations, and residuals over theirs.
 
     The slopes are eliminated from the normal equations. Where points scatter more than they should,
@@ -102,12 +119,16 @@ def _line(
     certain = np.maximum(w - wx**2 / wxx, 0.0).sum()
     by_sweep = (wy - wxy * wx / wxx).sum()
     floor = (by_sweep + prior / prior_std**2) / (certain + 1 / prior_std**2)
+    floor = float(floor) if known is None else known.px2
     slope = (wxy - wx * floor) / wxx
     off = (y - floor - slope[g] * x) * np.sqrt(weight)
-    free = max((weight > 0).sum() - n - 1, 1)
-    scale = max(float(np.sqrt((off**2).sum() / free)), 1.0)
-    floor_std = 1.0 / np.sqrt(certain / scale**2 + 1 / prior_std**2)
-    return float(floor), float(floor_std), slope, scale / np.sqrt(wxx), wx / wxx, off / scale
+    found = known
+    if found is None:
+        free = max((weight > 0).sum() - n - 1, 1)
+        scale = max(float(np.sqrt((off**2).sum() / free)), 1.0)
+        floor_std = 1.0 / np.sqrt(certain / scale**2 + 1 / prior_std**2)
+        found = Floor(floor, float(floor_std), scale)
+    return found, slope, found.scale / np.sqrt(wxx), wx / wxx, off / found.scale
 
 
 def _sweeps(m: Measured, usable: np.ndarray) -> IntArray:
