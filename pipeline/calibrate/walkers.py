@@ -279,10 +279,16 @@ def _some(
     ids = ids[count >= MIN_OBSERVATIONS][np.argsort(first[count >= MIN_OBSERVATIONS])]
     if len(ids) <= MAX_PEOPLE:
         return measured, ids
-    spread = np.unique(np.linspace(0, len(ids) - 1, MAX_PEOPLE).astype(int))
-    chosen = np.union1d(ids[spread], [person.track_id for person in known.heights])
+    chosen = np.union1d(spread_people(ids), [person.track_id for person in known.heights])
     frames = np.unique(measured.frame_index[np.isin(measured.track_id, chosen)])
     return measured.take(np.isin(measured.frame_index, frames)), chosen.astype(np.int64)
+
+
+def spread_people(ids: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return no more than `MAX_PEOPLE` tracks, spread over all, in their order."""
+    if len(ids) <= MAX_PEOPLE:
+        return ids
+    return ids[np.unique(np.linspace(0, len(ids) - 1, MAX_PEOPLE).astype(int))]
 
 
 def _sample(

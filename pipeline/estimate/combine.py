@@ -60,6 +60,14 @@ class Rows:
     track_heights: pa.Table
     quality: pa.Table
 
+    def by_table(self) -> dict[str, pa.Table]:
+        """Return them by the name of their table."""
+        return {
+            "estimates": self.estimates,
+            "track_heights": self.track_heights,
+            "observation_quality": self.quality,
+        }
+
 
 class Said:
     """What is to be said of a recording besides its rows, summed over batches of its tracks."""
@@ -234,7 +242,7 @@ def measured_of(
         return np.asarray(table[name].to_numpy(), dtype=np.float64)
 
     sides = ("x_min", "y_min", "x_max", "y_max")
-    names = table["class_name"].combine_chunks().dictionary_encode()
+    names = table["class_name"].combine_chunks().dictionary_encode("encode")
     cuts = ("left", "top", "right", "bottom")
     return Measured(
         camera=camera["camera"],

@@ -103,7 +103,7 @@ def estimate(
         notes.append(_note(m, "blur_by_motion", text, int(moving.sum())))
     blur = blur.without(moving)
     vergence, sweeps = _vergence(blur, m, camera)
-    if sweeps is not None:
+    if sweeps is not None and sweeps.count:
         text = (
             "the camera's own softness by what stood still while the aperture changed: "
             f"{np.sqrt(max(sweeps.floor_px2, 0.0)):.2f} +- {max(sweeps.floor_px_std, 0.01):.2f} px"

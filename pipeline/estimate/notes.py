@@ -31,7 +31,9 @@ class Classes:
             n = measured.f_number[measured.class_name == name]
             self.count[name] += len(n)
             self.f_number_known[name] += int(np.isfinite(n).sum())
-            table = calibrated[name].by_f_number("k")[0] if name in calibrated else ()
+            if name not in calibrated:
+                continue
+            table = calibrated[name].by_f_number("k")[0]
             if len(table):
                 self.f_number_beyond[name] += int(((n < table[0]) | (n > table[-1])).sum())
 
@@ -47,7 +49,7 @@ def not_applicable(camera: str, classes: Classes, config: Config) -> list[Diagno
         c.object_class for c in config.calibration if c.camera in ("", camera)
     }
     notes = []
-    for name, count in sorted(classes.count.items()):
+    for name, count in sorted(classes.count.items(), key=str):
         if name not in sized:
             problem = f"the size of {name!r} is not known: no depth from its size"
             notes.append(_info(camera, "size_unknown", problem, count))

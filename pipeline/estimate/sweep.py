@@ -76,7 +76,12 @@ def solve(
     group = _sweeps(m, np.isfinite(variance) & (std > 0))
     rows = np.flatnonzero(group >= 0)
     if not len(rows):
-        return None
+        nothing = np.full(len(m), np.nan)
+        return (
+            Sweeps(rounds[-1].px2, _unsure(rounds[-1]), nothing, nothing, 0, rounds)
+            if rounds
+            else None
+        )
     g = group[rows]
     x, y = per_dioptre2[rows], variance[rows]
     weight = 1.0 / std[rows] ** 2
@@ -88,11 +93,16 @@ def solve(
         found, slope, slope_std, by_floor, off = _line(g, x, y, weight, prior, prior_std, known)
         weight = np.where(np.abs(off) > OUTLIER, 0.0, weight)
         said.append(found)
-    found_std = float(np.hypot(found.px2_std, 2 * np.sqrt(max(found.px2, 0.0)) * LEAST_STD_PX))
+    found_std = _unsure(found)
     u2, u2_std = np.full(len(m), np.nan), np.full(len(m), np.nan)
     u2[rows] = slope[g]
     u2_std[rows] = np.hypot(slope_std[g], by_floor[g] * found_std)
     return Sweeps(found.px2, found_std, u2, u2_std, int(g.max()) + 1, tuple(said))
+
+
+def _unsure(floor: Floor) -> float:
+    """Return the standard deviation of a floor, px^2."""
+    return float(np.hypot(floor.px2_std, 2 * np.sqrt(max(floor.px2, 0.0)) * LEAST_STD_PX))
 
 
 def _line(

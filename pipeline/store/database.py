@@ -22,7 +22,8 @@ import pyarrow as pa
 
 from pipeline.diagnostics import diagnostics_table
 from pipeline.errors import StoreError, UsageError, Where
-from pipeline.records import OBSERVATION_QUALITY, PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
+from pipeline.records import PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
+from pipeline.store.by_tracks import observed, tracks_of
 from pipeline.store.catalog import View, views
 from pipeline.store.connection import connect
 from pipeline.store.precision import kept
@@ -319,24 +320,31 @@ class Store:
         quality: pa.Table | None = None,
     ) -> None:
         """Replace what pass 2 made of a recording in a run; call inside a transaction."""
-        judged = OBSERVATION_QUALITY.empty_table() if quality is None else quality
-        made = {
-            "estimates": estimates,
-            "track_heights": track_heights,
-            "observation_quality": judged,
-        }
+        self.forget_estimates(recording_id, run_id)
+        made = {"estimates": estimates, "track_heights": track_heights}
+        if quality is not None:
+            made["observation_quality"] = quality
+        self.add_estimates(recording_id, run_id, made)
+        self.add_calibrations(calibrations, run_id)
+
+    def forget_estimates(self, recording_id: str, run_id: str) -> None:
+        """Delete what pass 2 made of a recording in a run; call inside a transaction."""
+        for table in PASS_TWO:
+            if table in RECORDING_TABLES:
+                self._connection.execute(
+                    f"DELETE FROM {table} WHERE recording_id = ? AND run_id = ?",
+                    [recording_id, run_id],
+                )
+
+    def add_estimates(self, recording_id: str, run_id: str, made: Mapping[str, pa.Table]) -> None:
+        """Add rows of the tables of pass 2; call inside a transaction."""
         for table, rows in made.items():
-            self._connection.execute(
-                f"DELETE FROM {table} WHERE recording_id = ? AND run_id = ?",
-                [recording_id, run_id],
-            )
             with self._incoming("incoming", rows.select(PASS_TWO[table].names)):
                 self._connection.execute(
                     f"INSERT INTO {table} BY NAME SELECT ? AS recording_id, ? AS run_id, "
                     f"{_known(table)} FROM incoming ORDER BY {_ORDER[table]}",
                     [recording_id, run_id],
                 )
-        self.add_calibrations(calibrations, run_id)
 
     def add_calibrations(self, calibrations: pa.Table, run_id: str) -> None:
         """Store the calibrations that a run used or made, each once; call inside a transaction."""
@@ -387,6 +395,16 @@ class Store:
             f"SELECT * FROM {table} WHERE recording_id = ? ORDER BY {_ORDER.get(table, 'ALL')}",
             params=[recording_id],
         ).to_arrow_table()
+
+    def tracks_of(self, recording_id: str, object_class: str) -> pa.Table:
+        """Return every track of a recording, and how often it is of a class: `by_tracks.tracks_of`."""
+        return tracks_of(self._connection, recording_id, object_class)
+
+    def observed(
+        self, recording_id: str, camera: str, track_ids: Sequence[int], frames: tuple[int, int]
+    ) -> tuple[pa.Table, pa.Table]:
+        """Return tracks' observations and the other boxes in their frames: `by_tracks.observed`."""
+        return observed(self._connection, recording_id, camera, track_ids, frames)
 
     def read_current(self, table: str, recording_id: str) -> pa.Table:
         """Return a recording's rows of a table of pass 2 that the newest run made."""

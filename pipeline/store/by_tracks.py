@@ -1,0 +1,89 @@
+"""Reading observations by whole tracks, and what else is in their frames, a few columns of it.
+
+Observations lie by camera and frame, and a track is a short range of frames: DuckDB skips the blocks
+whose smallest and largest frame number are outside it, without an index.
+"""
+# ruff: noqa: S608  (the text that is put into SQL is that of this file)
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import duckdb
+import pyarrow as pa
+
+_OWN = """
+FROM observations WHERE recording_id = $recording AND camera = $camera
+    AND frame_index BETWEEN $first AND $last AND track_id IN (SELECT unnest($tracks))
+"""
+_UNUSED = "object_id, detector, score, luminance, blur_edge_count, blur_reason"
+_LENS = """
+SELECT
+    camera, frame_index, capture_time_ns, exposure_time_s, f_number, focal_length_mm,
+    focus_distance_m, pixel_pitch_x_um, pixel_pitch_y_um
+FROM frames WHERE recording_id = $recording AND camera = $camera
+    AND frame_index BETWEEN $first AND $last
+"""
+
+
+def tracks_of(
+    connection: duckdb.DuckDBPyConnection, recording_id: str, object_class: str
+) -> pa.Table:
+    """Return every track of a recording: its frames, its observations, and those of a class."""
+    return connection.sql(
+        """
+        SELECT
+            camera, track_id, min(frame_index) AS first_frame_index,
+            max(frame_index) AS last_frame_index, count(*) AS observation_count,
+            count(*) FILTER (class_name = $class) AS class_count,
+            min(observation_index) FILTER (class_name = $class) AS first_of_class
+        FROM observations WHERE recording_id = $recording
+        GROUP BY ALL ORDER BY camera, first_frame_index, track_id
+        """,
+        params={"recording": recording_id, "class": object_class},
+    ).to_arrow_table()
+
+
+def observed(
+    connection: duckdb.DuckDBPyConnection,
+    recording_id: str,
+    camera: str,
+    track_ids: Sequence[int],
+    frame_range: tuple[int, int],
+) -> tuple[pa.Table, pa.Table]:
+    """Return the observations of tracks, joined with their frames, and the other boxes in these.
+
+    Both are in the order of `observation_index`.
+
+    Args:
+        connection: where to read.
+        recording_id: which recording.
+        camera: which camera of it.
+        track_ids: the tracks.
+        frame_range: the first and the last frame that any of them is in.
+    """
+    values = {
+        "recording": recording_id,
+        "camera": camera,
+        "tracks": list(track_ids),
+        "first": frame_range[0],
+        "last": frame_range[1],
+    }
+    own = connection.sql(
+        f"""
+        SELECT * EXCLUDE ({_UNUSED}) FROM (SELECT * {_OWN}) JOIN ({_LENS}) USING (camera, frame_index)
+        ORDER BY observation_index
+        """,
+        params=values,
+    ).to_arrow_table()
+    others = connection.sql(
+        f"""
+        SELECT observation_index, frame_index, x_min_px, y_min_px, x_max_px, y_max_px
+        FROM observations SEMI JOIN (SELECT frame_index {_OWN}) USING (frame_index)
+        WHERE recording_id = $recording AND camera = $camera
+            AND frame_index BETWEEN $first AND $last AND track_id NOT IN (SELECT unnest($tracks))
+        ORDER BY observation_index
+        """,
+        params=values,
+    ).to_arrow_table()
+    return own, others
