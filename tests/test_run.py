@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+import pipeline.run
 from pipeline.config import CameraConfig, Config
+from pipeline.errors import StoreError
 from pipeline.ingest.mcap_writer import (
     RecordingWriter,
     calibration_message,
@@ -18,7 +21,7 @@ from pipeline.ingest.mcap_writer import (
 from pipeline.optics.silhouette import mean_reach
 from pipeline.records import Intrinsics
 from pipeline.run import estimate_again, run
-from pipeline.store.database import Store
+from pipeline.store.database import RecordingRow, Store
 from schemas.stadimeter_pb2 import Detections, GroundTruth
 
 START_NS = 1_700_000_000_000_000_000
@@ -211,3 +214,30 @@ def test_nothing_is_left_beside_the_database(people: Path, tmp_path: Path) -> No
     folder = tmp_path / "out"
     run([people], folder / "x.duckdb", LEVEL)
     assert [p.name for p in folder.iterdir()] == ["x.duckdb"]
+
+
+@pytest.mark.parametrize("new", [True, False])
+def test_a_database_that_cannot_be_prepared_ends_the_run(
+    people: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, new: bool
+) -> None:
+    database = tmp_path / "out.duckdb"
+    if not new:
+        run([people], database, LEVEL)
+    measured: list[Path] = []
+    measure = pipeline.run.measure_recording
+
+    def seen(path: Path, *rest: Any, **named: Any) -> RecordingRow:
+        measured.append(path)
+        return measure(path, *rest, **named)
+
+    def refuse(store: Store) -> None:
+        raise StoreError("no room for tables")
+
+    monkeypatch.setattr(pipeline.run, "measure_recording", seen)
+    monkeypatch.setattr(Store, "prepare", refuse)
+    with pytest.raises(StoreError, match="no room for tables"):
+        run([people], database, LEVEL)
+    # Who has a database already is told before anything is measured.
+    assert measured == ([people] if new else [])
+    monkeypatch.undo()
+    assert len(run([people], database, LEVEL).stored) == 1  # it is let go of, and of use again
