@@ -51,23 +51,23 @@ class ReportData:
 
 def read_report_data(store: Store) -> ReportData:
     """Ask everything that the report shows of a database that is open for reading."""
-    by_method = _rows(store, "FROM accuracy.by_method")
-    error_count = max((r["depth_count"] for r in by_method), default=0)
+    accuracy = _accuracy(store)
+    error_count = max((r["depth_count"] for r in accuracy["by_method"]), default=0)
     return ReportData(
         recordings=_rows(store, "FROM recordings ORDER BY file_name, recording_id"),
         cameras=_rows(store, _CAMERAS),
         runs=_runs(store),
         calibrations=_rows(store, _CALIBRATIONS),
-        by_method=by_method,
-        by_range=_rows(store, "FROM accuracy.by_range WHERE depth_count > 0"),
-        by_aperture=_rows(store, "FROM accuracy.by_aperture WHERE depth_count > 0"),
-        heights_by_method=_rows(store, "FROM accuracy.height_by_method"),
-        coverage=_rows(store, "FROM accuracy.coverage WHERE estimate_count > 0"),
+        by_method=accuracy["by_method"],
+        by_range=accuracy["by_range"],
+        by_aperture=accuracy["by_aperture"],
+        heights_by_method=accuracy["heights_by_method"],
+        coverage=accuracy["coverage"],
         matching=_rows(store, "FROM accuracy.matching WHERE truth_count > 0"),
         errors=_rows(store, _ERRORS, [min(1.0, POINTS_A_METHOD / max(error_count, 1))]),
         error_count=error_count,
         worst=_rows(store, _WORST, [WORST_SHOWN]),
-        comparison=_rows(store, "FROM paper.comparison") if by_method else [],
+        comparison=_rows(store, "FROM paper.comparison") if accuracy["by_method"] else [],
         track_heights=_rows(store, _TRACK_HEIGHTS, [TRACKS_SHOWN]),
         track_count=_count(store, _TRACK_COUNT),
         positions=_positions(store),
@@ -84,6 +84,12 @@ def _rows(store: Store, sql: str, parameters: list[object] | None = None) -> lis
 
 def _count(store: Store, sql: str) -> int:
     return int(_rows(store, sql)[0]["n"])
+
+
+def _accuracy(store: Store) -> dict[str, list[Row]]:
+    """Return the rows of the views of `_ACCURACY`, by name."""
+    (found,) = _rows(store, _ACCURACY)
+    return {name: rows or [] for name, rows in found.items()}
 
 
 def _runs(store: Store) -> list[Row]:
@@ -128,6 +134,30 @@ def _ranked(method: str) -> str:
 
 # A part of the rows that is the same at every asking: those whose hash is below a share of all.
 _SAMPLED = "hash({key}) <= ? * 18446744073709551615::DOUBLE"
+
+# Those of accuracy.by_method, by_range, by_aperture, height_by_method and coverage, in one statement:
+# all estimates are read once, not once a view.
+_ACCURACY = """
+WITH sums AS MATERIALIZED (FROM accuracy.sums(['aperture', 'depth'])),
+metrics AS MATERIALIZED (FROM accuracy.from_sums('sums', []))
+SELECT
+    (SELECT list(metrics ORDER BY depth_rmse_m) FROM metrics) AS by_method,
+    (
+        SELECT list(m ORDER BY true_depth_from_m, method)
+        FROM accuracy.from_sums('sums', ['depth']) AS m WHERE depth_count > 0
+    ) AS by_range,
+    (
+        SELECT list(m ORDER BY f_number, method)
+        FROM accuracy.from_sums('sums', ['aperture']) AS m WHERE depth_count > 0
+    ) AS by_aperture,
+    (
+        SELECT list(m ORDER BY method, unit) FROM accuracy.heights_from_metrics('metrics') AS m
+    ) AS heights_by_method,
+    (
+        SELECT list(m ORDER BY quantity, method, nominal)
+        FROM accuracy.coverage_from_sums('sums') AS m
+    ) AS coverage
+"""
 
 _ERRORS = f"""
 SELECT

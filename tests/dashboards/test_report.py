@@ -114,6 +114,28 @@ def test_samples_are_bounded_and_repeat(database: Path, monkeypatch: pytest.Monk
     assert 0 < len(one.errors) < one.error_count == 24
 
 
+def test_the_report_says_what_the_views_say(database: Path) -> None:
+    views = {
+        "by_method": "FROM accuracy.by_method",
+        "by_range": "FROM accuracy.by_range WHERE depth_count > 0",
+        "by_aperture": "FROM accuracy.by_aperture WHERE depth_count > 0",
+        "heights_by_method": "FROM accuracy.height_by_method",
+        "coverage": "FROM accuracy.coverage",
+    }
+    with Store.open(database, read_only=True) as store:
+        data = read_report_data(store)
+        for name, sql in views.items():
+            expected = store.query(sql).to_pylist()
+            assert expected
+            found = [{c: r[c] for c in expected[0]} for r in getattr(data, name)]
+            assert len(found) == len(expected)
+            for row, other in zip(found, expected, strict=True):
+                for column, value in other.items():
+                    close = isinstance(value, float)
+                    wanted = pytest.approx(value, rel=1e-9, abs=1e-12) if close else value
+                    assert row[column] == wanted, (name, column)
+
+
 def test_numbers_are_written_plainly() -> None:
     assert (metres(1.23456), metres(23.456), metres(None)) == ("1.235", "23.46", "")
     assert metres(float("nan")) == ""

@@ -180,6 +180,17 @@ def test_any_dimensions_together(filled: tuple[Store, pd.DataFrame]) -> None:
     check(store, sql, grouped(rows, keys), keys)
 
 
+def test_sums_that_are_finer_than_the_groups_add_up(filled: tuple[Store, pd.DataFrame]) -> None:
+    store, rows = filled
+    fine = "accuracy.sums(['class', 'aperture', 'depth'], edges := [0, 5, 10, 20])"
+    for dimensions, keys in (([], ["method"]), (["aperture"], ["method", "f_number"])):
+        sql = (
+            f"WITH fine AS (FROM {fine}) "
+            f"SELECT * EXCLUDE (file_name) FROM accuracy.from_sums('fine', {dimensions})"
+        )
+        check(store, sql, grouped(rows, keys), keys)
+
+
 def test_coverage(filled: tuple[Store, pd.DataFrame]) -> None:
     store, rows = filled
     found = {
@@ -265,6 +276,12 @@ def test_one_estimate_has_no_spread(store: Store, tmp_path: Path) -> None:
         "height_rmse_m",
     ]
     assert {name: row[name] for name in unknown} == dict.fromkeys(unknown)
+
+
+def test_one_true_depth_explains_nothing(store: Store, tmp_path: Path) -> None:
+    truths = [0.1] * 7  # its mean is not exactly 0.1
+    row = single(store, tmp_path, [0.1, 0.2, 0.3, 0.1, 0.2, 0.3, 0.7], truths)
+    assert (row["depth_r"], row["depth_r2"]) == (None, None)
 
 
 def test_perfect_and_absurd_estimates(store: Store, tmp_path: Path) -> None:
