@@ -36,7 +36,7 @@ from pipeline.store.database import Store
 # goes step by step, for all tracks of a batch together: with 10,000 a seventh more than with 50,000.
 BATCH = 20_000
 # What the blur of a camera says as a whole is asked of so many observations; it is a few numbers.
-BLUR_SAMPLE = 50_000
+BLUR_SAMPLE = 20_000
 
 
 def estimate_recording(

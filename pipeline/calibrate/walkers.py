@@ -61,6 +61,7 @@ MIN_PEOPLE = 4
 # A track tells something only if the person came nearer or went away: their height in the picture
 # must change, or others must be seen at other distances (checked by the standard errors).
 MIN_OBSERVATIONS = 8
+ROWS_AT_ONCE = 20_000  # observations, from which those are chosen
 MAX_PER_TRACK = 40  # more of a track's frames say the same thing again
 # Chance leaves the mean stature of so many uncertain by 0.09 / sqrt(150) m = 7 mm, a seventh of
 # POPULATION_MEAN_STD_M; a day has tens of thousands, and the fit's time grows faster than their number.
@@ -296,6 +297,33 @@ def _sample(
     prior: SizePrior,
     people: npt.NDArray[np.int64],
     plane: GroundPlane | None = None,
+) -> Sample:
+    """Choose as `_sample_of` does, from some tracks after the others: memory is that of a few."""
+    ids, count = np.unique(
+        measured.track_id[np.isin(measured.track_id, people)], return_counts=True
+    )
+    turn = (np.cumsum(count) - 1) // ROWS_AT_ONCE
+    if len(np.unique(turn)) < 2:
+        return _sample_of(measured, prior, people, plane)
+    parts = [
+        _sample_of(measured.only(ids[turn == number]), prior, people, plane)
+        for number in np.unique(turn)
+    ]
+    first = np.cumsum([0, *(part.people for part in parts)])
+    foot, head, reach, sigma, weight, track_id = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("foot", "head", "reach", "sigma", "weight", "track_id")
+    )
+    track = np.concatenate([p.track + begin for p, begin in zip(parts, first, strict=False)])
+    trends = _trends(foot, foot[:, 1] - head[:, 1]) if len(foot) else np.empty((0, 2))
+    return Sample(foot, head, reach, trends, sigma, track, weight, track_id)
+
+
+def _sample_of(
+    measured: Measured,
+    prior: SizePrior,
+    people: npt.NDArray[np.int64],
+    plane: GroundPlane | None,
 ) -> Sample:
     """Choose whole, unhidden people, spread over each track; a pose tells more of their outlines."""
     usable = (

@@ -61,6 +61,18 @@ class Measured:
         kept: dict[str, Any] = {k: v[rows] for k, v in columns.items() if isinstance(v, np.ndarray)}
         return replace(self, **kept)
 
+    def only(self, track_ids: IntArray) -> Measured:
+        """Return some tracks, and what else is in their frames as boxes."""
+        mine = np.isin(self.track_id, track_ids)
+        kept = self.take(mine)
+        beside = ~mine & np.isin(self.frame_index, kept.frame_index)
+        columns = ("observation_index", "frame_index", "bbox_xyxy_px")
+        parts = [tuple(getattr(self, name)[beside] for name in columns)]
+        if self.others is not None:
+            there = np.isin(self.others.frame_index, kept.frame_index)
+            parts.append(tuple(getattr(self.others, name)[there] for name in columns))
+        return replace(kept, others=Boxes(*map(np.concatenate, zip(*parts, strict=True))))
+
 
 @dataclass(slots=True)
 class Estimated:

@@ -54,6 +54,19 @@ def test_groups_and_fragments_do_not_decide() -> None:
     assert np.median(np.abs(errors)) < 0.06
 
 
+def test_choosing_from_a_few_tracks_at_a_time_changes_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulated = scene(np.random.default_rng(5), 10)
+    at_once, _ = calibrate_from_walkers(simulated.measured, ADULT)
+    monkeypatch.setattr("pipeline.calibrate.walkers.ROWS_AT_ONCE", 100)
+    in_turns, report = calibrate_from_walkers(simulated.measured, ADULT)
+    assert report.observations > 200
+    assert in_turns.camera_height_m == pytest.approx(at_once.camera_height_m, rel=1e-6)
+    assert in_turns.tilt_rad == pytest.approx(at_once.tilt_rad, rel=1e-6)
+    np.testing.assert_allclose(in_turns.covariance, at_once.covariance, rtol=1e-4, atol=1e-12)
+
+
 def test_a_population_of_another_stature_scales_the_scene() -> None:
     simulated = scene(np.random.default_rng(5), 15)
     usual, _ = calibrate_from_walkers(simulated.measured, ADULT)
