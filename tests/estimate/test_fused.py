@@ -141,6 +141,16 @@ def test_smoothing_makes_noise_smaller_and_says_by_how_much() -> None:
     assert np.mean(np.abs(np.concatenate(z)) < 1.96) > 0.95
 
 
+def test_a_track_that_scatters_more_than_it_says_is_as_unsure_as_its_scatter() -> None:
+    box, _ = walk(noise_px=0.5)
+    _, calm = estimated(box)
+    shift_px = np.random.default_rng(3).normal(0, 8, len(box))
+    box[:, 1] += shift_px  # now above, now below, as boxes of groups are
+    box[:, 3] += shift_px
+    _, wild = estimated(box)
+    assert np.median(wild.depth_std_m) > 1.5 * np.median(calm.depth_std_m)
+
+
 def test_hidden_feet_are_found_by_the_head() -> None:
     box, depth_m = walk(noise_px=0.5)
     hidden = slice(20, 40)
