@@ -61,7 +61,7 @@ def test_choosing_from_a_few_tracks_at_a_time_changes_nothing(
     at_once, _ = calibrate_from_walkers(simulated.measured, ADULT)
     monkeypatch.setattr("pipeline.calibrate.walkers.ROWS_AT_ONCE", 100)
     in_turns, report = calibrate_from_walkers(simulated.measured, ADULT)
-    assert report.observations > 200
+    assert report.observations > 100  # so there were turns
     assert in_turns.camera_height_m == pytest.approx(at_once.camera_height_m, rel=1e-6)
     assert in_turns.tilt_rad == pytest.approx(at_once.tilt_rad, rel=1e-6)
     np.testing.assert_allclose(in_turns.covariance, at_once.covariance, rtol=1e-4, atol=1e-12)
