@@ -191,7 +191,10 @@ ORDER BY file_name, camera
 
 _CALIBRATIONS = """
 SELECT DISTINCT * EXCLUDE (calibration_id, run_id) FROM calibrations
-WHERE calibration_id IN (FROM main.current_estimates SELECT DISTINCT calibration_id)
+WHERE calibration_id IN (
+    SELECT DISTINCT calibration_id FROM estimates
+    SEMI JOIN main.current_run USING (recording_id, run_id)
+)
 ORDER BY ALL
 """
 

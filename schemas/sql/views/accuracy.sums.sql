@@ -13,7 +13,6 @@ WITH errors AS NOT MATERIALIZED (
         * REPLACE (
             -- A dimension that is not asked for is NULL in every row, so that rows fall together.
             CASE WHEN list_contains(dimensions, 'run') THEN run_id END AS run_id,
-            CASE WHEN list_contains(dimensions, 'run') THEN run_label END AS run_label,
             CASE WHEN list_contains(dimensions, 'class') THEN class_name END AS class_name,
             CASE WHEN list_contains(dimensions, 'aperture') THEN f_number END AS f_number,
             CASE WHEN depth_error_m IS NOT NULL THEN depth_m END AS depth_m,
@@ -26,55 +25,61 @@ WITH errors AS NOT MATERIALIZED (
         END AS depth_log_ratio
     FROM accuracy.errors_in_bins(CASE WHEN list_contains(dimensions, 'depth') THEN edges END)
     WHERE (every_run OR is_current) AND (depth_error_m IS NOT NULL OR height_error_m IS NOT NULL)
+),
+sums AS (
+    SELECT
+        method, run_id, recording_id, camera, track_id, class_name, f_number,
+        true_depth_from_m, true_depth_to_m,
+        count(*) FILTER (NOT in_calibrated_range) AS out_of_range_count,
+        count(depth_error_m) AS depth_count,
+        sum(depth_error_m) AS depth_error_sum,
+        sum(abs(depth_error_m)) AS depth_abs_sum,
+        sum(depth_error_m * depth_error_m) AS depth_square_sum,
+        var_pop(depth_error_m) * count(depth_error_m) AS depth_error_m2,
+        sum(depth_m) AS depth_sum,
+        var_pop(depth_m) * count(depth_m) AS depth_m2,
+        sum(true_depth_m) AS true_depth_sum,
+        var_pop(true_depth_m) * count(true_depth_m) AS true_depth_m2,
+        covar_pop(depth_m, true_depth_m) * count(depth_m) AS depth_cross_m2,
+        min(depth_m) AS depth_min_m, max(depth_m) AS depth_max_m,
+        min(true_depth_m) AS true_depth_min_m, max(true_depth_m) AS true_depth_max_m,
+        list(depth_error_m) FILTER (depth_error_m IS NOT NULL) AS depth_errors_m,
+        count(nullif(true_depth_m, 0)) AS depth_relative_count,
+        sum(abs(depth_error_m) / nullif(true_depth_m, 0)) AS depth_abs_rel_sum,
+        sum(depth_error_m * depth_error_m / nullif(true_depth_m, 0)) AS depth_sq_rel_sum,
+        count(depth_log_ratio) AS depth_log_count,
+        sum(depth_log_ratio) AS depth_log_sum,
+        var_pop(depth_log_ratio) * count(depth_log_ratio) AS depth_log_m2,
+        count_if(abs(depth_log_ratio) < ln(1.25)) AS depth_delta_1_count,
+        count_if(abs(depth_log_ratio) < 2 * ln(1.25)) AS depth_delta_2_count,
+        count_if(abs(depth_log_ratio) < 3 * ln(1.25)) AS depth_delta_3_count,
+        count(depth_z) AS depth_z_count,
+        count_if(abs(depth_z) <= stats.normal_50()) AS depth_held_50_count,
+        count_if(abs(depth_z) <= stats.normal_80()) AS depth_held_80_count,
+        count_if(abs(depth_z) <= stats.normal_95()) AS depth_held_95_count,
+        sum(depth_std_m) AS depth_std_sum,
+        sum(depth_z * depth_z / 2 + ln(depth_std_m)) AS depth_nll_sum,
+        count(height_error_m) AS height_count,
+        sum(height_error_m) AS height_error_sum,
+        sum(abs(height_error_m)) AS height_abs_sum,
+        sum(height_error_m * height_error_m) AS height_square_sum,
+        count(height_error_m / nullif(true_height_m, 0)) AS height_relative_count,
+        sum(abs(height_error_m) / nullif(true_height_m, 0)) AS height_abs_rel_sum,
+        count(height_z) AS height_z_count,
+        count_if(abs(height_z) <= stats.normal_50()) AS height_held_50_count,
+        count_if(abs(height_z) <= stats.normal_80()) AS height_held_80_count,
+        count_if(abs(height_z) <= stats.normal_95()) AS height_held_95_count,
+        sum(height_std_m) AS height_std_sum,
+        sum(height_z * height_z / 2 + ln(height_std_m)) AS height_nll_sum
+    FROM errors
+    GROUP BY
+        method, run_id, recording_id, camera, track_id, class_name, f_number,
+        true_depth_from_m, true_depth_to_m
 )
-SELECT
-    method, run_id, any_value(run_label) AS run_label,
-    recording_id, any_value(file_name) AS file_name, camera, track_id,
-    class_name, f_number, true_depth_from_m, true_depth_to_m,
-    count(*) FILTER (NOT in_calibrated_range) AS out_of_range_count,
-    count(depth_error_m) AS depth_count,
-    sum(depth_error_m) AS depth_error_sum,
-    sum(abs(depth_error_m)) AS depth_abs_sum,
-    sum(depth_error_m * depth_error_m) AS depth_square_sum,
-    var_pop(depth_error_m) * count(depth_error_m) AS depth_error_m2,
-    sum(depth_m) AS depth_sum,
-    var_pop(depth_m) * count(depth_m) AS depth_m2,
-    sum(true_depth_m) AS true_depth_sum,
-    var_pop(true_depth_m) * count(true_depth_m) AS true_depth_m2,
-    covar_pop(depth_m, true_depth_m) * count(depth_m) AS depth_cross_m2,
-    min(depth_m) AS depth_min_m, max(depth_m) AS depth_max_m,
-    min(true_depth_m) AS true_depth_min_m, max(true_depth_m) AS true_depth_max_m,
-    list(depth_error_m) FILTER (depth_error_m IS NOT NULL) AS depth_errors_m,
-    count(nullif(true_depth_m, 0)) AS depth_relative_count,
-    sum(abs(depth_error_m) / nullif(true_depth_m, 0)) AS depth_abs_rel_sum,
-    sum(depth_error_m * depth_error_m / nullif(true_depth_m, 0)) AS depth_sq_rel_sum,
-    count(depth_log_ratio) AS depth_log_count,
-    sum(depth_log_ratio) AS depth_log_sum,
-    var_pop(depth_log_ratio) * count(depth_log_ratio) AS depth_log_m2,
-    count_if(abs(depth_log_ratio) < ln(1.25)) AS depth_delta_1_count,
-    count_if(abs(depth_log_ratio) < 2 * ln(1.25)) AS depth_delta_2_count,
-    count_if(abs(depth_log_ratio) < 3 * ln(1.25)) AS depth_delta_3_count,
-    count(depth_z) AS depth_z_count,
-    count_if(abs(depth_z) <= stats.normal_50()) AS depth_held_50_count,
-    count_if(abs(depth_z) <= stats.normal_80()) AS depth_held_80_count,
-    count_if(abs(depth_z) <= stats.normal_95()) AS depth_held_95_count,
-    sum(depth_std_m) AS depth_std_sum,
-    sum(depth_z * depth_z / 2 + ln(depth_std_m)) AS depth_nll_sum,
-    count(height_error_m) AS height_count,
-    sum(height_error_m) AS height_error_sum,
-    sum(abs(height_error_m)) AS height_abs_sum,
-    sum(height_error_m * height_error_m) AS height_square_sum,
-    count(height_error_m / nullif(true_height_m, 0)) AS height_relative_count,
-    sum(abs(height_error_m) / nullif(true_height_m, 0)) AS height_abs_rel_sum,
-    count(height_z) AS height_z_count,
-    count_if(abs(height_z) <= stats.normal_50()) AS height_held_50_count,
-    count_if(abs(height_z) <= stats.normal_80()) AS height_held_80_count,
-    count_if(abs(height_z) <= stats.normal_95()) AS height_held_95_count,
-    sum(height_std_m) AS height_std_sum,
-    sum(height_z * height_z / 2 + ln(height_std_m)) AS height_nll_sum
-FROM errors
-GROUP BY
-    method, run_id, recording_id, camera, track_id, class_name, f_number,
-    true_depth_from_m, true_depth_to_m;
+-- Names come last: they are a row's, not an estimate's.
+SELECT sums.*, recordings.file_name, runs.label AS run_label
+FROM sums
+LEFT JOIN main.recordings USING (recording_id)
+LEFT JOIN main.runs ON runs.run_id = sums.run_id;
 
 COMMENT ON MACRO TABLE accuracy.sums IS 'What did each track contribute to the accuracy of each method? One row a method, a track, and what is in dimensions (run, class, aperture, depth): counts, sums and sums of squared deviations, of which accuracy.from_sums makes the metrics. edges, every_run: as in accuracy.metrics.';
