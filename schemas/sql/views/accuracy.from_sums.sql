@@ -35,6 +35,10 @@ WITH keyed AS NOT MATERIALIZED (
         } AS key,
         -- One object followed over time: its frames share their errors, so they are one cluster.
         hash(recording_id, camera, track_id) AS cluster,
+        -- What follows from the sums that there are.
+        true_depth_sum + depth_error_sum AS depth_sum,
+        depth_error_m2 + depth_error_sum * depth_error_sum / nullif(depth_count, 0)
+            AS depth_square_sum,
         source_rows.* EXCLUDE (
             method, run_id, run_label, recording_id, file_name, camera, class_name, track_id,
             f_number, true_depth_from_m, true_depth_to_m
@@ -53,8 +57,6 @@ totals AS MATERIALIZED (
         sum(depth_square_sum) / nullif(sum(depth_count), 0) AS depth_mse,
         sum(depth_sum) / nullif(sum(depth_count), 0) AS depth_mean_m,
         sum(true_depth_sum) / nullif(sum(depth_count), 0) AS true_depth_mean_m,
-        max(depth_max_m) > min(depth_min_m) AS depth_varies,
-        max(true_depth_max_m) > min(true_depth_min_m) AS true_depth_varies,
         sum(depth_abs_rel_sum) / nullif(sum(depth_relative_count), 0) AS depth_abs_rel,
         sum(depth_sq_rel_sum) / nullif(sum(depth_relative_count), 0) AS depth_sq_rel_m,
         sum(depth_log_count) AS depth_log_count,
@@ -186,11 +188,13 @@ SELECT
     100 * sqrt(depth_log_m2 / depth_log_count) AS depth_silog,
     depth_delta_1, depth_delta_2, depth_delta_3,
     CASE
-        WHEN depth_varies AND true_depth_varies
+        WHEN stats.varies(depth_m2 / depth_count, depth_mean_m)
+            AND stats.varies(true_depth_m2 / depth_count, true_depth_mean_m)
         THEN stats.known(depth_cross_m2 / (sqrt(depth_m2) * sqrt(true_depth_m2)))
     END AS depth_r,
     CASE
-        WHEN true_depth_varies THEN 1 - depth_mse / (true_depth_m2 / depth_count)
+        WHEN stats.varies(true_depth_m2 / depth_count, true_depth_mean_m)
+        THEN 1 - depth_mse / (true_depth_m2 / depth_count)
     END AS depth_r2,
     depth_bias_m
         - stats.normal_95() * sqrt(depth_error_m2 / nullif(depth_count - 1, 0)) AS depth_loa_low_m,
