@@ -302,7 +302,9 @@ class Store:
             self._connection.execute(f"INSERT INTO {table} BY NAME {source}", values)
 
     @contextmanager
-    def _incoming(self, name: str, rows: pa.Table | Dataset) -> Iterator[None]:
+    def _incoming(
+        self, name: str, rows: pa.Table | pa.RecordBatchReader | Dataset
+    ) -> Iterator[None]:
         """Let SQL see Arrow rows under a name."""
         self._connection.register(name, rows)
         try:
@@ -339,7 +341,10 @@ class Store:
     def add_estimates(self, recording_id: str, run_id: str, made: Mapping[str, pa.Table]) -> None:
         """Add rows of the tables of pass 2; call inside a transaction."""
         for table, rows in made.items():
-            with self._incoming("incoming", rows.select(PASS_TWO[table].names)):
+            # What is registered is held until the transaction ends. A reader that was read holds nothing.
+            mine = rows.select(PASS_TWO[table].names)
+            once = pa.RecordBatchReader.from_batches(mine.schema, iter(mine.to_batches()))
+            with self._incoming("incoming", once):
                 self._connection.execute(
                     f"INSERT INTO {table} BY NAME SELECT ? AS recording_id, ? AS run_id, "
                     f"{_known(table)} FROM incoming ORDER BY {_ORDER[table]}",
