@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.calibrate.focal import calibrate_lens_from_walkers
 from pipeline.calibrate.walkers import POPULATION_MEAN_STD_M, calibrate_from_walkers
 from pipeline.config import ADULT, Config
 from pipeline.console import out, print_rows
@@ -268,6 +269,19 @@ def score(simulated: Scene, plane: GroundPlane, method: Method = Method.FUSED) -
 
 
 METHODS = (Method.GROUND, Method.FUSED)
+LABELS = ("pose known", "pose from walkers", "lens and pose from walkers")
+
+
+def without_lens(simulated: Scene) -> tuple[Scene, GroundPlane, float, float]:
+    """Return a scene with the lens found by its people, the pose, and the focal length's error.
+
+    That is relative, and in standard deviations.
+    """
+    measured, truth = replace(simulated.measured, intrinsics=None), simulated.measured.intrinsics
+    lens, plane, _ = calibrate_lens_from_walkers(measured, (WIDTH_PX, HEIGHT_PX), ADULT)
+    seen = replace(simulated, measured=replace(measured, intrinsics=lens.intrinsics))
+    found_px, true_px = lens.intrinsics.fx_px, truth.fx_px if truth else np.nan
+    return seen, plane, found_px / true_px - 1, (found_px - true_px) / lens.std_px
 
 
 def main() -> None:
@@ -277,19 +291,26 @@ def main() -> None:
     parser.add_argument("--people", type=int, default=20)
     arguments, _ = parser.parse_known_args()
     rows, poses = [], np.empty((0, 3))
+    focal: list[tuple[float, float]] = []
     for title, wall_share in (("in the open", 0.0), ("behind a wall", 1.0)):
         random = np.random.default_rng(4)
         scores: dict[str, dict[Method, list[Score]]] = {
-            label: {m: [] for m in METHODS} for label in ("pose known", "pose from walkers")
+            label: {m: [] for m in METHODS} for label in LABELS
         }
         for _ in range(arguments.cameras):
             simulated = scene(random, arguments.people, wall_share=wall_share)
-            planes = {"pose known": simulated.plane}
+            posed = {"pose known": (simulated, simulated.plane)}
             with suppress(CalibrationUndetermined):
-                planes["pose from walkers"], _ = calibrate_from_walkers(simulated.measured, ADULT)
-            for label, plane in planes.items():
+                plane, _ = calibrate_from_walkers(simulated.measured, ADULT)
+                posed["pose from walkers"] = simulated, plane
+            if not wall_share:
+                with suppress(CalibrationUndetermined):
+                    seen, plane, focal_error, focal_z = without_lens(simulated)
+                    posed["lens and pose from walkers"] = seen, plane
+                    focal.append((focal_error, focal_z))
+            for label, (seen, plane) in posed.items():
                 for method in METHODS:
-                    scores[label][method].append(score(simulated, plane, method))
+                    scores[label][method].append(score(seen, plane, method))
         found = scores["pose from walkers"]
         out.print(
             f"{title}: {arguments.cameras} cameras, {arguments.people} people each, one in ten "
@@ -318,6 +339,13 @@ def main() -> None:
     names = ("camera height", "tilt", "roll")
     shares = [[n, f"{100 * _inside(poses[:, i]):.1f}"] for i, n in enumerate(names)]
     print_rows("Pose inside its 95 % interval, in the open", ("", "% of cameras"), shares)
+    if focal:
+        error, z = np.array(focal).T
+        out.print(
+            f"focal length of cameras without lens data, in the open: {len(focal)} found of "
+            f"{arguments.cameras}, median error {100 * np.median(np.abs(error)):.1f} %, "
+            f"{100 * _inside(z):.1f} % in their 95 % interval"
+        )
 
 
 def _row(scores: list[Score], beside: list[Score]) -> list[str]:

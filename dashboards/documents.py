@@ -31,6 +31,7 @@ INTRINSICS_TEXTS = {
     "recording": "from the recording",
     "camera_file": "from the camera file",
     "lens_data": "from focal length and pixel pitch; its centre is assumed",
+    "walkers": "found from the people who walk; its centre is assumed",
 }
 POSE_TEXTS = {"walkers": "found from the people who walk on it", "truth": "found from the truth"}
 

@@ -13,18 +13,20 @@ import pyarrow as pa
 from pipeline import __version__
 from pipeline.calibrate.blur_floor import BlurFloor, calibrate_blur_floor, combined
 from pipeline.calibrate.camera_file import write_camera_file
+from pipeline.calibrate.focal import calibrate_stored
 from pipeline.calibrate.from_truth import (
     calibrate_from_truth,
     prior_as_calibration,
     says_nothing,
     size_priors_from_truth,
 )
+from pipeline.calibrate.lens_row import known_lens
 from pipeline.calibrate.truth_table import truth_table
-from pipeline.calibrate.walkers import NOTHING_KNOWN, Known, calibrate_from_walkers
+from pipeline.calibrate.walkers import NOTHING_KNOWN, Known
 from pipeline.config import CameraConfig, Config, SizePrior
 from pipeline.errors import CalibrationUndetermined, StoreError, UsageError, Where
 from pipeline.estimate.combine import calibrations_table, measured_by_camera
-from pipeline.records import Calibration, GroundPlane, Method
+from pipeline.records import Calibration, FoundLens, GroundPlane, Method
 from pipeline.run import describe, library_versions
 from pipeline.second_pass import lines_of
 from pipeline.store.database import Store
@@ -102,9 +104,17 @@ def calibrate_stored_truth(
     return fitted
 
 
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What walkers gave of a camera: its pose and, where nothing told it, its lens."""
+
+    plane: GroundPlane
+    lens: FoundLens | None = None
+
+
 def calibrate_stored_walkers(
     database: Path, camera_file: Path, config: Config, known: Known = NOTHING_KNOWN
-) -> list[tuple[str, GroundPlane | CalibrationUndetermined]]:
+) -> list[tuple[str, Found | CalibrationUndetermined]]:
     """Find the pose of every camera from who walked before it, all its recordings taken together.
 
     Returns the pose of each camera, or why it is not determined; what was found is written.
@@ -120,7 +130,7 @@ def calibrate_stored_walkers(
             "the camera file has no size_prior on the height of those who walk",
             remedy="Add one, or leave out size_prior for that of adults",
         )
-    results: list[tuple[str, GroundPlane | CalibrationUndetermined]] = []
+    results: list[tuple[str, Found | CalibrationUndetermined]] = []
     cameras: list[CameraConfig] = []
     with _writable(database) as store:
         ids = _recording_ids(store)
@@ -128,20 +138,27 @@ def calibrate_stored_walkers(
         for recording_id in ids:
             observations, frames, rows, _ = _tables(store, recording_id)
             edges = store.read("background_lines", recording_id)
-            of_cameras = list(measured_by_camera(observations, frames, rows, {}))
+            stored = {
+                row["camera"]: known_lens(row, config.camera_named(row["camera"]))
+                for row in rows.to_pylist()
+            }
+            table = pa.Table.from_pylist(list(stored.values()), schema=rows.schema)
+            of_cameras = list(measured_by_camera(observations, frames, table, {}))
             _check_single(known, len(of_cameras))
             for measured in of_cameras:
                 try:
                     lines_px = lines_of(edges, measured.camera)
-                    plane, _ = calibrate_from_walkers(measured, prior, known, lines_px)
+                    row = stored[measured.camera]
+                    plane, _, lens = calibrate_stored(measured, row, prior, known, lines_px)
                 except CalibrationUndetermined as error:
                     results.append((measured.camera, error))
                 else:
-                    results.append((measured.camera, plane))
+                    results.append((measured.camera, Found(plane, lens)))
     for name in dict.fromkeys(name for name, _ in results):
-        planes = [p for n, p in results if n == name and isinstance(p, GroundPlane)]
-        if planes:
-            cameras.append(_camera(name, _combined(planes)))
+        found = [f for n, f in results if n == name and isinstance(f, Found)]
+        if found:
+            lens, planes = _one_lens(found)
+            cameras.append(_camera(name, _combined(planes), lens))
     if cameras:
         write_camera_file(camera_file, replace(config, camera=tuple(cameras)))
     return results
@@ -212,7 +229,25 @@ def _combined(planes: list[GroundPlane]) -> GroundPlane:
     return GroundPlane(above_m, tilt_rad, roll_rad, covariance, "walkers")
 
 
-def _camera(name: str, plane: GroundPlane) -> CameraConfig:
+def _one_lens(found: list[Found]) -> tuple[FoundLens | None, list[GroundPlane]]:
+    """Return the lens of a camera and the poses that go with it.
+
+    A pose and a focal length that were found together err together, so the poses are not averaged with
+    another focal length: the recording that tells the focal length best is taken alone.
+    """
+    lenses = [f for f in found if f.lens is not None]
+    if not lenses:
+        return None, [f.plane for f in found]
+    best = min(lenses, key=_relative)
+    return best.lens, [best.plane]
+
+
+def _relative(found: Found) -> float:
+    return found.lens.std_px / found.lens.intrinsics.fx_px if found.lens else math.inf
+
+
+def _camera(name: str, plane: GroundPlane, lens: FoundLens | None) -> CameraConfig:
+    k = lens.intrinsics if lens else None
     std = np.sqrt(np.diag(plane.covariance))
     return CameraConfig(
         name,
@@ -222,6 +257,10 @@ def _camera(name: str, plane: GroundPlane) -> CameraConfig:
         tilt_std_deg=math.degrees(std[1]),
         roll_deg=math.degrees(plane.roll_rad),
         roll_std_deg=math.degrees(std[2]),
+        fx_px=k.fx_px if k else math.nan,
+        fy_px=k.fy_px if k else math.nan,
+        cx_px=k.cx_px if k else math.nan,
+        cy_px=k.cy_px if k else math.nan,
     )
 
 

@@ -426,7 +426,8 @@ class FirstPass:
                         Severity.WARNING,
                         "no_lens_data",
                         "neither a calibration nor focal length and pixel pitch are known: "
-                        "no distance can be told; give them in a camera file",
+                        "distances can be told only if enough people walk here to find the focal "
+                        "length; give lens data in a camera file",
                         camera=stage.camera,
                         topic=stage.topic,
                     )

@@ -90,6 +90,14 @@ class Intrinsics:
 
 
 @dataclass(frozen=True, slots=True)
+class FoundLens:
+    """A lens that nothing told of, found with the camera's pose."""
+
+    intrinsics: Intrinsics
+    std_px: float  # of the focal length
+
+
+@dataclass(frozen=True, slots=True)
 class Boxes:
     """What a detector found in one frame: a structure of n-long arrays."""
 
@@ -203,6 +211,9 @@ class GroundPlane:
     # (3, 3) over (camera_height_m, tilt_rad, roll_rad)
     covariance: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
     source: str = "given"  # "given", "transforms", "walkers", "truth"
+    # (4,): of the logarithm of the focal length with those three, and its variance, where it was found
+    # together with them; None where the lens is known beside
+    focal_covariance: FloatArray | None = None
 
 
 def _schema(*columns: tuple[str, pa.DataType]) -> pa.Schema:
@@ -236,6 +247,7 @@ CAMERAS = _schema(
     ("recorded_tilt_rad", _F64),
     ("recorded_roll_rad", _F64),
     ("recorded_ground_frame", _TEXT),
+    ("focal_std_px", _F64),
 )
 
 FRAMES = _schema(

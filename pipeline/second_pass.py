@@ -17,10 +17,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from pipeline.calibrate.focal import calibrate_stored
+from pipeline.calibrate.lens_row import known_lens, with_found
 from pipeline.calibrate.walkers import (
     MIN_OBSERVATIONS,
     WalkersReport,
-    calibrate_from_walkers,
     spread_people,
 )
 from pipeline.config import CameraConfig, Config
@@ -29,7 +30,7 @@ from pipeline.estimate.batches import Tracks
 from pipeline.estimate.columns import Measured
 from pipeline.estimate.combine import Rows, Said, camera_blur, estimate_tracks, measured_of
 from pipeline.exposure_check import exposure_notes
-from pipeline.records import Diagnostic, FloatArray, GroundPlane, Severity
+from pipeline.records import Diagnostic, FloatArray, FoundLens, GroundPlane, Severity
 from pipeline.store.database import Store
 
 # Observations that are worked on at once, at about 2 kB each: 40 MB. Fewer cost time, as the smoother
@@ -61,11 +62,13 @@ def estimate_recording(
         mine = tracks.filter(pc.equal(tracks["camera"], row["camera"]))
         if not mine.num_rows:
             continue
-        camera = _Camera(store, recording_id, row)
+        camera = _Camera(store, recording_id, known_lens(row, config.camera_named(row["camera"])))
         lines_px = lines_of(edges, row["camera"])
         camera.plane = _pose(camera, mine, lines_px, config, said)
         if camera.plane is not None:
             store.set_pose(recording_id, row["camera"], camera.plane)
+        if camera.row != row:
+            store.set_lens(recording_id, camera.row)
         for rows in _estimated(camera, Tracks.of(mine), config, said, batch):
             store.add_estimates(recording_id, run_id, rows.by_table())
     store.add_calibrations(said.calibrations(), run_id)
@@ -121,17 +124,20 @@ def _pose(
     name = camera.row["camera"]
     given = given_pose(config.camera_named(name)) or recorded_pose(camera.row)
     prior = config.stature
-    if given is not None or prior is None or camera.row["fx_px"] is None:
+    if given is not None or prior is None:
         return given
     people = tracks.filter(pc.greater(tracks["class_count"], 0)).sort_by("first_of_class")
     if not people.num_rows:
         return None
     measured = camera.measured(Tracks.of(_to_learn_from(people)))
     try:
-        plane, report = calibrate_from_walkers(measured, prior, lines_px=lines_px)
+        plane, report, lens = calibrate_stored(measured, camera.row, prior, lines_px=lines_px)
     except CalibrationUndetermined as error:
         said.add([Diagnostic(Severity.INFO, "pose_undetermined", error.problem, camera=name)])
         return None
+    if lens is not None:
+        camera.row = with_found(camera.row, lens)
+        said.add([_describe_lens(name, lens)])
     said.add([_describe(name, plane, report)])
     return plane
 
@@ -173,6 +179,17 @@ def recorded_pose(camera: Mapping[str, Any]) -> GroundPlane | None:
         camera["recorded_tilt_rad"],
         camera["recorded_roll_rad"],
         source="transforms",
+    )
+
+
+def _describe_lens(camera: str, lens: FoundLens) -> Diagnostic:
+    return Diagnostic(
+        Severity.INFO,
+        "focal_length_from_walkers",
+        f"focal length from the people who walk: {lens.intrinsics.fx_px:.0f} ± {lens.std_px:.0f} px "
+        "(one standard error); square pixels, the principal point in the middle and no distortion "
+        "are assumed. Lens data in a camera file would be surer",
+        camera=camera,
     )
 
 

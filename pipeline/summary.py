@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 from pipeline.console import err, out, print_rows, safe
 from pipeline.errors import CalibrationUndetermined
 from pipeline.ingest.survey import CameraSurvey, Survey
-from pipeline.records import Calibration, GroundPlane, Pairing, Severity
+from pipeline.records import Calibration, Pairing, Severity
 from pipeline.run import RunResult
 from pipeline.store.database import Store
 
 if TYPE_CHECKING:
     from pipeline.calibrate.blur_floor import BlurFloor
-    from pipeline.calibration_run import FittedToTruth
+    from pipeline.calibration_run import FittedToTruth, Found
     from pipeline.cluster.run import SharedResult
 
 MAX_SHOWN = 10  # losses; the others are in the table `diagnostics`
@@ -276,7 +276,7 @@ def _errors_row(c: Calibration) -> list[str]:
 
 
 def print_poses(
-    results: Sequence[tuple[str, GroundPlane | CalibrationUndetermined]],
+    results: Sequence[tuple[str, Found | CalibrationUndetermined]],
 ) -> int:
     """Print the pose of each camera, or why it is not determined; return how many are."""
     rows = []
@@ -284,17 +284,20 @@ def print_poses(
         if isinstance(result, CalibrationUndetermined):
             err.print(f"stadimeter: {safe(camera)}: {safe(result)}", soft_wrap=True)
             continue
-        height_std_m, tilt_std, roll_std = (1.96 * v**0.5 for v in result.covariance.diagonal())
+        plane, lens = result.plane, result.lens
+        height_std_m, tilt_std, roll_std = (1.96 * v**0.5 for v in plane.covariance.diagonal())
+        focal = f"{lens.intrinsics.fx_px:.0f} ± {1.96 * lens.std_px:.0f}" if lens else "as given"
         rows.append(
             [
                 camera,
-                f"{result.camera_height_m:.2f} ± {height_std_m:.2f}",
-                f"{math.degrees(result.tilt_rad):.2f} ± {math.degrees(tilt_std):.2f}",
-                f"{math.degrees(result.roll_rad):.2f} ± {math.degrees(roll_std):.2f}",
+                f"{plane.camera_height_m:.2f} ± {height_std_m:.2f}",
+                f"{math.degrees(plane.tilt_rad):.2f} ± {math.degrees(tilt_std):.2f}",
+                f"{math.degrees(plane.roll_rad):.2f} ± {math.degrees(roll_std):.2f}",
+                focal,
             ]
         )
     if rows:
-        header = ("camera", "height m (95 %)", "tilt degrees", "roll degrees")
+        header = ("camera", "height m (95 %)", "tilt degrees", "roll degrees", "focal length px")
         print_rows("Poses from the people who walk, a recording each", header, rows)
     return len(rows)
 

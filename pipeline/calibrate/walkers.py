@@ -14,6 +14,7 @@ are, that fixes the scale instead of the population.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,9 +24,11 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from pipeline.calibrate.upright import NO_UPRIGHTS, Uprights, find_uprights
 from pipeline.calibrate.walkers_model import (
+    ABOVE,
     PEOPLE,
-    POSE,
     REACH,
+    ROLL,
+    TILT,
     TREND_STD,
     Sample,
     Scale,
@@ -77,7 +80,7 @@ GAIT_STD = 0.02  # of the stature
 POPULATION_MEAN_STD_M = 0.05
 # Where something here is known in metres it decides; the population still keeps a fit from running off.
 FREE_MEAN_STD = 0.3  # relative
-MIN_VARIANCE_RATIO = 0.5  # see _covariance
+MIN_VARIANCE_RATIO = 0.5  # see covariance_of
 # The result must be this well determined to be of use.
 MAX_HEIGHT_ERROR = 0.15  # standard error of the camera's height, relative
 MAX_TILT_ERROR_RAD = np.deg2rad(5.0)
@@ -157,34 +160,46 @@ def calibrate_from_walkers(
         CalibrationUndetermined: too few people, or their tracks do not fix the pose.
         UsageError: what is known is of somebody who is not there, or makes no sense.
     """
-    _check(known, measured)
-    measured, people = _some(measured, prior, known)
-    sample = _sample(measured, prior, people)
+    check_known(known, measured)
+    measured, people = chosen_tracks(measured, prior, known)
+    sample = sample_of(measured, prior, people)
+    check_enough(sample)
+    sample, best = _fit_alike(sample, prior, known, measured)
+    uprights = NO_UPRIGHTS
+    for _ in range(REFINEMENTS):
+        chosen = set(sample.track_id.tolist())
+        again = sample_of(measured, prior, people, plane_of(best))
+        sample = only(again, np.array([i in chosen for i in again.track_id.tolist()]))
+        uprights = uprights_at(lines_px, measured, best)
+        sample, best = _fit_alike(sample, prior, known, measured, best, uprights)
+    covariance = covariance_of(best, sample, uprights)
+    plane = replace(plane_of(best), covariance=covariance, source="walkers")
+    std = np.sqrt(np.diag(covariance))
+    check_determined(plane)
+    report = report_of(best, sample, measured, std, len(uprights))
+    return plane, report
+
+
+def check_enough(sample: Sample) -> None:
+    """Refuse too few people."""
     if sample.people < MIN_PEOPLE:
         raise CalibrationUndetermined(
             f"{sample.people} people were followed well enough to find the camera's pose, "
             f"{MIN_PEOPLE} are needed",
             remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
         )
-    sample, best = _fit_alike(sample, prior, known, measured)
-    uprights = NO_UPRIGHTS
-    for _ in range(REFINEMENTS):
-        chosen = set(sample.track_id.tolist())
-        again = _sample(measured, prior, people, _plane(best))
-        sample = _only(again, np.array([i in chosen for i in again.track_id.tolist()]))
-        uprights = _uprights(lines_px, measured, best)
-        sample, best = _fit_alike(sample, prior, known, measured, best, uprights)
-    covariance = _covariance(best, sample, uprights)
-    std = np.sqrt(np.diag(covariance))
-    above_m, tilt, roll = float(np.exp(best.x[0])), float(best.x[1]), float(best.x[2])
+
+
+def check_determined(plane: GroundPlane) -> None:
+    """Refuse a pose that is too unsure to be of use."""
+    std = np.sqrt(np.diag(plane.covariance))
+    above_m, tilt = plane.camera_height_m, plane.tilt_rad
     if std[0] > MAX_HEIGHT_ERROR * above_m or std[1] > MAX_TILT_ERROR_RAD or tilt < 0:
         raise CalibrationUndetermined(
             f"the tracks do not fix the camera's pose: height {above_m:.1f} ± {std[0]:.1f} m, "
             f"tilt {np.rad2deg(tilt):.1f} ± {np.rad2deg(std[1]):.1f} degrees",
             remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
         )
-    report = _report(best, sample, measured, std, len(uprights))
-    return GroundPlane(above_m, tilt, roll, covariance, "walkers"), report
 
 
 def _fit_alike(
@@ -196,20 +211,20 @@ def _fit_alike(
     uprights: Uprights = NO_UPRIGHTS,
 ) -> tuple[Sample, OptimizeResult]:
     """Fit, leave out whom the fit shows not to be one grown person, and fit again."""
-    scale = _scale(sample, prior, known, measured, uprights)
-    best = _best_fit(sample, scale, before)
+    scale = scale_of(sample, prior, known, measured, uprights)
+    best = best_fit(sample, scale, before)
     for _ in range(MAX_REJECTIONS):
         # Somebody whose height is known may be as tall as they like.
-        alike = _alike(sample, best, prior) | ~scale.of_population
+        alike = are_alike(sample, best, prior) | ~scale.of_population
         if alike.all() or alike.sum() < MIN_PEOPLE:
             break
-        sample = _only(sample, alike)
-        scale = _scale(sample, prior, known, measured, uprights)
-        best = _best_fit(sample, scale, best)
+        sample = only(sample, alike)
+        scale = scale_of(sample, prior, known, measured, uprights)
+        best = best_fit(sample, scale, best)
     return sample, best
 
 
-def _scale(
+def scale_of(
     sample: Sample, prior: SizePrior, known: Known, measured: Measured, uprights: Uprights
 ) -> Scale:
     """Return what is known beside the tracks."""
@@ -246,18 +261,20 @@ def _relative_std(known: KnownDistance) -> float:
     return float(np.hypot(known.std_m / known.distance_m, np.sqrt(2) * known.std_px / apart_px))
 
 
-def _uprights(lines_px: FloatArray | None, measured: Measured, fit: OptimizeResult) -> Uprights:
+def uprights_at(lines_px: FloatArray | None, measured: Measured, fit: OptimizeResult) -> Uprights:
     """Return the edges of the place that are upright, looked for about the tilt that was found."""
     if lines_px is None or measured.intrinsics is None or not len(lines_px):
         return NO_UPRIGHTS
     return find_uprights(lines_px, measured.intrinsics, float(fit.x[1]), UPRIGHT_TILT_STD_RAD)
 
 
-def _plane(fit: OptimizeResult) -> GroundPlane:
+def plane_of(fit: OptimizeResult) -> GroundPlane:
+    """Return the pose of a fit."""
     return GroundPlane(float(np.exp(fit.x[0])), float(fit.x[1]), float(fit.x[2]))
 
 
-def _check(known: Known, measured: Measured) -> None:
+def check_known(known: Known, measured: Measured) -> None:
+    """Refuse what is known if it makes no sense."""
     for person in known.heights:
         if not (measured.track_id == person.track_id).any():
             raise UsageError(f"there is no track {person.track_id} of camera {measured.camera!r}")
@@ -268,7 +285,7 @@ def _check(known: Known, measured: Measured) -> None:
             raise UsageError("a known distance needs two points that are apart, and its length")
 
 
-def _some(
+def chosen_tracks(
     measured: Measured, prior: SizePrior, known: Known
 ) -> tuple[Measured, npt.NDArray[np.int64]]:
     """Return the tracks to learn from, spread over the recording, and what is in their frames."""
@@ -292,7 +309,7 @@ def spread_people(ids: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     return ids[np.unique(np.linspace(0, len(ids) - 1, MAX_PEOPLE).astype(int))]
 
 
-def _sample(
+def sample_of(
     measured: Measured,
     prior: SizePrior,
     people: npt.NDArray[np.int64],
@@ -310,13 +327,13 @@ def _sample(
         for number in np.unique(turn)
     ]
     first = np.cumsum([0, *(part.people for part in parts)])
-    foot, head, reach, sigma, weight, track_id = (
+    foot, head, reach, sigma, weight, track_id, time_s = (
         np.concatenate([getattr(part, name) for part in parts])
-        for name in ("foot", "head", "reach", "sigma", "weight", "track_id")
+        for name in ("foot", "head", "reach", "sigma", "weight", "track_id", "time_s")
     )
     track = np.concatenate([p.track + begin for p, begin in zip(parts, first, strict=False)])
     trends = _trends(foot, foot[:, 1] - head[:, 1]) if len(foot) else np.empty((0, 2))
-    return Sample(foot, head, reach, trends, sigma, track, weight, track_id)
+    return Sample(foot, head, reach, trends, sigma, track, weight, track_id, time_s)
 
 
 def _sample_of(
@@ -341,6 +358,7 @@ def _sample_of(
         np.empty(0, np.intp),
         np.empty(0),
         _NOBODY,
+        np.empty(0),
     )
     if measured.intrinsics is None or not usable.any():
         return empty
@@ -381,6 +399,7 @@ def _sample_of(
         np.concatenate(tracks),
         np.concatenate(weights),
         np.array(ids),
+        measured.capture_time_ns[index] / 1e9,
     )
 
 
@@ -436,7 +455,7 @@ def _ends(
 _NOBODY = np.empty(0, dtype=np.int64)
 
 
-def _best_fit(sample: Sample, scale: Scale, before: OptimizeResult | None = None) -> OptimizeResult:
+def best_fit(sample: Sample, scale: Scale, before: OptimizeResult | None = None) -> OptimizeResult:
     """Return the fit from where one was before, or the better from the two most promising tilts."""
     if before is not None and before.x[1] > 0:
         return _fit(sample, scale, float(before.x[1]))
@@ -445,7 +464,7 @@ def _best_fit(sample: Sample, scale: Scale, before: OptimizeResult | None = None
     return min(fits, key=lambda fit: float(fit.cost))
 
 
-def _alike(sample: Sample, fit: OptimizeResult, prior: SizePrior) -> npt.NDArray[np.bool_]:
+def are_alike(sample: Sample, fit: OptimizeResult, prior: SizePrior) -> npt.NDArray[np.bool_]:
     """Return which tracks, (p,), may be of grown people, one a box: as tall as the others.
 
     Two people in one box are twice as tall, a bag or half a person half as tall; what a pose gives is
@@ -462,7 +481,7 @@ def _alike(sample: Sample, fit: OptimizeResult, prior: SizePrior) -> npt.NDArray
     return np.abs(relative) < MAX_DEVIATION * prior.std_m / prior.mean_m
 
 
-def _only(sample: Sample, kept: npt.NDArray[np.bool_]) -> Sample:
+def only(sample: Sample, kept: npt.NDArray[np.bool_]) -> Sample:
     """Return the observations of the tracks that are kept, numbered anew."""
     rows = kept[sample.track]
     number = np.cumsum(kept) - 1
@@ -475,6 +494,7 @@ def _only(sample: Sample, kept: npt.NDArray[np.bool_]) -> Sample:
         number[sample.track[rows]],
         sample.weight[rows],
         sample.track_id[kept],
+        sample.time_s[rows],
     )
 
 
@@ -518,8 +538,13 @@ def _height_for(sample: Sample, scale: Scale, tilt: float) -> float:
     return float(np.clip(np.median(scale.mean_m) / typical, 0.5, 100.0)) if typical > 0 else 5.0
 
 
-def _covariance(fit: OptimizeResult, sample: Sample, uprights: Uprights) -> FloatArray:
-    """Return the covariance of (camera height, tilt, roll).
+def covariance_of(
+    fit: OptimizeResult,
+    sample: Sample,
+    uprights: Uprights,
+    wanted: Sequence[int] = (ABOVE, TILT, ROLL),
+) -> FloatArray:
+    """Return the covariance of (camera height, tilt, roll), or of the unknowns `wanted` from the first.
 
     From the Jacobian at the solution; the spread of the heads is taken from their residuals, while
     that of statures and distances stays as it is known. Residuals do not show what a track's boxes
@@ -539,14 +564,15 @@ def _covariance(fit: OptimizeResult, sample: Sample, uprights: Uprights) -> Floa
     per_share = tall / sample.sigma * np.sqrt(sample.weight / loose)
     considered = sample.trends if not len(uprights) else sample.trends[:, 1:]
     moved = inverse @ (jacobian[:rows].T @ (considered * per_share[:, None])) * TREND_STD
-    covariance = (inverse + moved @ moved.T)[POSE, POSE]
-    to_metres = np.diag([float(np.exp(fit.x[0])), 1.0, 1.0])
+    covariance = (inverse + moved @ moved.T)[np.ix_(wanted, wanted)]
+    to_metres = np.diag([float(np.exp(fit.x[0])), *np.ones(len(wanted) - 1)])
     return np.asarray(to_metres @ covariance @ to_metres)
 
 
-def _report(
+def report_of(
     fit: OptimizeResult, sample: Sample, measured: Measured, std: FloatArray, uprights: int
 ) -> WalkersReport:
+    """Return how well a fit is determined; `std` is of camera height, tilt and roll."""
     error = remove_roll(sample.head, fit.x[2])[:, 1] - predict(fit.x, sample)
     focal_px = measured.intrinsics.fy_px if measured.intrinsics else np.nan
     y_f = remove_roll(sample.foot, fit.x[2])[:, 1]

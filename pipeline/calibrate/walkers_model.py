@@ -64,6 +64,7 @@ class Sample:
     track: npt.NDArray[np.intp]  # (n,)
     weight: FloatArray  # (n,) the share of an independent observation that a row is
     track_id: npt.NDArray[np.int64]  # (p,) by the recording's count
+    time_s: FloatArray  # (n,) of capture
 
     @property
     def people(self) -> int:
@@ -130,7 +131,7 @@ def jacobian(x: FloatArray, sample: Sample, scale: Scale) -> csr_matrix:
     """Return how the residuals change with the unknowns, (residuals, unknowns)."""
     heads, people = len(sample.track), sample.people
     of_person = PEOPLE + np.arange(people)
-    values, columns, counts = [_head_slopes(x, sample)], [], [np.full(heads, len(_OF_A_HEAD) + 1)]
+    values, columns, counts = [head_slopes(x, sample)], [], [np.full(heads, len(_OF_A_HEAD) + 1)]
     shared = np.broadcast_to(_OF_A_HEAD, (heads, len(_OF_A_HEAD)))
     columns.append(np.column_stack([shared, PEOPLE + sample.track]))
     mean = -np.where(scale.of_population, scale.mean_m * np.exp(x[MEAN]), 0.0)
@@ -159,7 +160,7 @@ def _flat(parts: list[npt.NDArray[np.intp]]) -> npt.NDArray[np.intp]:
     return np.concatenate([part.ravel() for part in parts])
 
 
-def _head_slopes(x: FloatArray, sample: Sample) -> FloatArray:
+def head_slopes(x: FloatArray, sample: Sample) -> FloatArray:
     """Return the derivatives of the heads' residuals by `_OF_A_HEAD` and the person's height."""
     above_m, tilt, roll = np.exp(x[ABOVE]), x[TILT], x[ROLL]
     cos, sin = np.cos(tilt), np.sin(tilt)

@@ -11,7 +11,7 @@ from pipeline.estimate.columns import BoolArray, Estimated
 from pipeline.estimate.geometry import Geometry
 from pipeline.optics.ground_plane import ground_position_m, height_m, range_m
 from pipeline.optics.object_size import height_exact_m
-from pipeline.records import Calibration, Dimension, FloatArray, Method
+from pipeline.records import Calibration, Dimension, FloatArray, GroundPlane, Method
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +126,9 @@ def add_heights(estimated: Estimated, geometry: Geometry) -> None:
         noise_m = np.hypot(by_foot_m * geometry.foot_std, by_head_m * geometry.head_std)
         by_tilt_m = tall_m * (np.sin(tilt) + y_h * np.cos(tilt)) / across
         tilt_std_m = np.abs(by_tilt_m) * float(np.sqrt(plane.covariance[1, 1]))
+        if plane.focal_covariance is not None:
+            by_focal_m = -tall_m * np.cos(tilt) / across
+            tilt_std_m = np.sqrt(tilt_and_focal(by_tilt_m, by_focal_m, plane))
         by_depth = tall_m / depth_m
     else:
         o_mm, o_std_mm = geometry.height_on_sensor_mm, geometry.height_std_mm
@@ -154,6 +157,27 @@ def add_heights(estimated: Estimated, geometry: Geometry) -> None:
     estimated.height_m = tall_m
     estimated.height_std_m = np.where(unknown, np.nan, np.hypot(noise_m, common_m))
     estimated.height_common_std_m = np.where(unknown, 0.0, common_m)
+
+
+def pose_variance(by_pose: FloatArray, by_focal: FloatArray, plane: GroundPlane) -> FloatArray:
+    """Return the variance, (n,), that comes of the pose, and of the lens if that was found with it.
+
+    Args:
+        by_pose: derivatives by camera height, tilt and roll, (n, 3).
+        by_focal: by the logarithm of the focal length, (n,).
+        plane: the pose.
+    """
+    of_pose = np.asarray(np.einsum("ni,ij,nj->n", by_pose, plane.covariance, by_pose))
+    if plane.focal_covariance is None:
+        return of_pose
+    *shared, own = plane.focal_covariance
+    return of_pose + 2 * by_focal * (by_pose @ np.array(shared)) + by_focal**2 * own
+
+
+def tilt_and_focal(by_tilt: FloatArray, by_focal: FloatArray, plane: GroundPlane) -> FloatArray:
+    """Return the variance of what depends on the pose by its tilt alone."""
+    zero = np.zeros(len(by_tilt))
+    return pose_variance(np.stack([zero, by_tilt, zero], axis=1), by_focal, plane)
 
 
 def add_positions(estimated: Estimated, geometry: Geometry) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.estimate.columns import Estimated
+from pipeline.estimate.common import pose_variance
 from pipeline.estimate.geometry import Geometry
 from pipeline.estimate.repeats import BOX_COMMON_STD
 from pipeline.optics.ground_plane import (
@@ -35,14 +36,16 @@ def estimate(geometry: Geometry) -> Estimated:
     tall_m = height_m(depth_m, y_f, y_h, tilt)
 
     by_pose = np.stack(depth_jacobian(h_m, tilt, x_f, y_f), axis=1)
-    depth_common = _quadratic(by_pose[:, :3], plane.covariance)
+    # A longer focal length makes rows smaller: dy = -y d(log f).
+    depth_common = pose_variance(by_pose[:, :3], -y_f * by_pose[:, 3], plane)
     # How far a foot is before the axis differs by person, and by what all of them wear.
     reach_std_m = np.hypot(REACH_TRACK_STD, REACH_COMMON_STD) * geometry.reach_m
     depth_common += reach_std_m**2
     depth_std_m = np.sqrt(depth_common + (by_pose[:, 3] * geometry.foot_std) ** 2)
 
     tall_by = np.stack(height_jacobian(h_m, tilt, foot, head), axis=1)
-    tall_common = _quadratic(tall_by[:, :3], plane.covariance)
+    by_focal = -(y_f * tall_by[:, 3] + y_h * tall_by[:, 4])
+    tall_common = pose_variance(tall_by[:, :3], by_focal, plane)
     tall_common += (tall_by[:, 3] / by_pose[:, 3] * reach_std_m) ** 2
     if geometry.reach is not None:
         # The pose from walkers has this error in its scale already; of one that is given it is new.
@@ -64,8 +67,3 @@ def estimate(geometry: Geometry) -> Estimated:
     half_m = np.where(np.isnan(estimated.height_m), 0.85, estimated.height_m / 2)
     estimated.range_m = range_m(x_m, y_m, h_m, half_m)
     return estimated
-
-
-def _quadratic(jacobian: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return j C j^T of each row."""
-    return np.asarray(np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian))

@@ -17,6 +17,7 @@ from pipeline.estimate.common import (
     put,
     size_of,
     spread_m,
+    tilt_and_focal,
 )
 from pipeline.estimate.geometry import Geometry
 from pipeline.optics.object_size import depth_from_size_m, depth_from_size_std_m
@@ -69,6 +70,7 @@ def _by_calibration(geometry: Geometry, calibration: Calibration) -> Depths:
     depth_m = np.where(lensless, _over(size_m, angle), by_lens_m)
     relative = np.where(lensless, _over(angle_std, angle), _over(o_std_mm, o_mm))
     common_m = np.hypot(depth_m * size_std_m / size_m, spread_m(calibration, depth_m))
+    common_m = np.where(lensless, np.hypot(common_m, depth_m * _focal_std(geometry)), common_m)
     return Depths(depth_m, depth_m * relative, common_m, calibration.dimension)
 
 
@@ -79,7 +81,15 @@ def _by_prior(geometry: Geometry, prior: SizePrior, config: Config) -> Depths:
     angle, angle_std = angle_of(geometry, prior.dimension)
     depth_m = _over(prior.mean_m, angle)
     noise_m = depth_from_size_std_m(depth_m, angle, angle_std)
-    return Depths(depth_m, noise_m, depth_m * prior.std_m / prior.mean_m, prior.dimension)
+    common_m = depth_m * math.hypot(prior.std_m / prior.mean_m, _focal_std(geometry))
+    return Depths(depth_m, noise_m, common_m, prior.dimension)
+
+
+def _focal_std(geometry: Geometry) -> float:
+    """Return the relative deviation of a focal length that was found with the pose, else 0."""
+    plane = geometry.measured.ground_plane
+    found = None if plane is None else plane.focal_covariance
+    return 0.0 if found is None else math.sqrt(found[3])
 
 
 def _standing(geometry: Geometry, prior: SizePrior, mean: FloatArray, cov: FloatArray) -> Depths:
@@ -100,6 +110,10 @@ def _standing(geometry: Geometry, prior: SizePrior, mean: FloatArray, cov: Float
     tilt_m = per_m * np.sqrt(np.maximum(variance, 0.0))
     by_foot_m = depth_m * per_m / prior.mean_m
     noise_m = np.hypot(by_foot_m * foot_std, (by_foot_m - per_m * mean[1]) * head_std)
+    plane = geometry.measured.ground_plane
+    if plane is not None and plane.focal_covariance is not None:
+        by_tilt_m = -per_m * (mean[1] + y_h * mean[0])
+        tilt_m = np.sqrt(tilt_and_focal(by_tilt_m, per_m * mean[0], plane))
     common_m = np.hypot(depth_m * prior.std_m / prior.mean_m, tilt_m)
     return Depths(depth_m, noise_m, common_m, Dimension.HEIGHT)
 

@@ -103,8 +103,8 @@ class CameraSurvey:
             lacks.append("no f-number: the methods `aperture` and `defocus` do not apply")
         if self.intrinsics is None and not {"focal_length_mm", "pixel_pitch_x_um"} <= set(known):
             lacks.append(
-                "no lens data (a calibration, or focal length and pixel pitch): no distance can be "
-                "told; give them in a camera file"
+                "no lens data (a calibration, or focal length and pixel pitch): distances can be told "
+                "only if enough people walk here to find the focal length; give them in a camera file"
             )
         return lacks
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import duckdb
 import pyarrow as pa
@@ -79,6 +79,18 @@ class RecordingRow:
     def recording_id(self) -> str:
         """The key: the same bytes under another name are the same recording."""
         return self.content_sha256[:16]
+
+
+LENS_COLUMNS = (
+    "fx_px",
+    "fy_px",
+    "cx_px",
+    "cy_px",
+    "focal_std_px",
+    "distortion_model",
+    "distortion",
+    "intrinsics_source",
+)
 
 
 class Store:
@@ -379,6 +391,15 @@ class Store:
                 recording_id,
                 camera,
             ],
+        )
+
+    def set_lens(self, recording_id: str, row: Mapping[str, Any]) -> None:
+        """Store the lens of a row of `cameras`; call inside a transaction."""
+        self._connection.execute(
+            "UPDATE cameras SET fx_px = ?, fy_px = ?, cx_px = ?, cy_px = ?, focal_std_px = ?, "
+            "distortion_model = ?, distortion = ?, intrinsics_source = ? "
+            "WHERE recording_id = ? AND camera = ?",
+            [*(row[name] for name in LENS_COLUMNS), recording_id, row["camera"]],
         )
 
     def add_diagnostics(

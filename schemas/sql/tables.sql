@@ -73,7 +73,8 @@ CREATE TABLE IF NOT EXISTS cameras (
     recorded_height_m   DOUBLE,
     recorded_tilt_rad   DOUBLE,
     recorded_roll_rad   DOUBLE,
-    recorded_ground_frame VARCHAR
+    recorded_ground_frame VARCHAR,
+    focal_std_px        DOUBLE
 );
 COMMENT ON TABLE cameras IS 'One row a camera of a recording: its lens in pixels and, where known, its pose above the ground.';
 COMMENT ON COLUMN cameras.recording_id IS 'The recording.';
@@ -88,7 +89,8 @@ COMMENT ON COLUMN cameras.cx_px IS 'Principal point, horizontal.';
 COMMENT ON COLUMN cameras.cy_px IS 'Principal point, vertical.';
 COMMENT ON COLUMN cameras.distortion_model IS 'plumb_bob, rational_polynomial, equidistant, or empty.';
 COMMENT ON COLUMN cameras.distortion IS 'Coefficients of the distortion model.';
-COMMENT ON COLUMN cameras.intrinsics_source IS 'recording, camera_file, or lens_data (focal length over pixel pitch, centre assumed).';
+COMMENT ON COLUMN cameras.intrinsics_source IS 'recording, camera_file, lens_data (focal length over pixel pitch, centre assumed), or walkers (found with the pose from the people who walk; square pixels, centre and no distortion assumed).';
+COMMENT ON COLUMN cameras.focal_std_px IS 'Standard error of fx_px and fy_px where they were found from walkers; NULL where they are given.';
 COMMENT ON COLUMN cameras.camera_height_m IS 'Height of the camera above the ground.';
 COMMENT ON COLUMN cameras.camera_height_std_m IS 'Its standard error.';
 COMMENT ON COLUMN cameras.tilt_rad IS 'Tilt of the optical axis below the horizon.';

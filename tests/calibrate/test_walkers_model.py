@@ -27,6 +27,7 @@ def _sample(random: np.random.Generator) -> Sample:
         np.repeat(np.arange(PEOPLE_SEEN), EACH),
         random.uniform(0.2, 1.0, count),
         np.arange(PEOPLE_SEEN),
+        np.tile(np.arange(EACH) / 2.0, PEOPLE_SEEN),
     )
 
 

@@ -1,0 +1,56 @@
+"""Whose word counts for the lens of a stored camera, as a row of the table `cameras`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from pipeline.config import CameraConfig
+from pipeline.ingest.lens import intrinsics_of, lens_of
+from pipeline.records import Exposure, FoundLens
+
+_NO_LENS = dict.fromkeys(
+    ("fx_px", "fy_px", "cx_px", "cy_px", "distortion_model", "distortion", "focal_std_px")
+)
+
+
+def known_lens(row: Mapping[str, Any], camera: CameraConfig) -> dict[str, Any]:
+    """Return a stored camera with the lens that is known without its pose.
+
+    What was found from walkers is looked for again. What the recording does not tell may stand in the
+    camera file since its pictures were read.
+    """
+    if row["fx_px"] is not None and row["intrinsics_source"] != "walkers":
+        return dict(row)
+    bare = {**row, **_NO_LENS, "intrinsics_source": None}
+    width_px, height_px = row["width_px"], row["height_px"]
+    if not (width_px and height_px):
+        return bare
+    lens = lens_of(Exposure(), camera, None, width_px, height_px)
+    found, source, _ = intrinsics_of(None, camera, lens, width_px, height_px)
+    if found is None or not math.isfinite(found.fx_px):
+        return bare
+    return {
+        **bare,
+        "fx_px": found.fx_px,
+        "fy_px": found.fy_px,
+        "cx_px": found.cx_px,
+        "cy_px": found.cy_px,
+        "distortion_model": found.distortion_model,
+        "distortion": list(found.distortion),
+        "intrinsics_source": source,
+    }
+
+
+def with_found(row: Mapping[str, Any], lens: FoundLens) -> dict[str, Any]:
+    """Return a stored camera with a lens that was found from walkers."""
+    k = lens.intrinsics
+    return {
+        **row,
+        **{"fx_px": k.fx_px, "fy_px": k.fy_px, "cx_px": k.cx_px, "cy_px": k.cy_px},
+        "distortion_model": "",
+        "distortion": [],
+        "focal_std_px": lens.std_px,
+        "intrinsics_source": "walkers",
+    }

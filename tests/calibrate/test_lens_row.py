@@ -1,0 +1,31 @@
+"""Whose word counts for the lens of a stored camera."""
+
+from __future__ import annotations
+
+import pytest
+
+from pipeline.calibrate.lens_row import known_lens, with_found
+from pipeline.config import CameraConfig
+from pipeline.records import CAMERAS, FoundLens, Intrinsics
+
+BARE = dict.fromkeys(CAMERAS.names) | {"camera": "a", "width_px": 640, "height_px": 480}
+FOUND = FoundLens(Intrinsics(640, 480, 700.0, 700.0, 319.5, 239.5), 30.0)
+
+
+def test_what_was_found_is_looked_for_again() -> None:
+    row = with_found(BARE, FOUND)
+    assert (row["fx_px"], row["focal_std_px"]) == (700.0, 30.0)
+    assert row["intrinsics_source"] == "walkers"
+    assert known_lens(row, CameraConfig("a")) == BARE
+
+
+def test_the_recordings_lens_stays() -> None:
+    row = BARE | {"fx_px": 800.0, "intrinsics_source": "recording"}
+    assert known_lens(row, CameraConfig("a", fx_px=900.0)) == row
+
+
+@pytest.mark.parametrize("row", [BARE, with_found(BARE, FOUND)])
+def test_the_camera_file_goes_before_walkers(row: dict[str, object]) -> None:
+    known = known_lens(row, CameraConfig("a", fx_px=900.0))
+    assert (known["fx_px"], known["fy_px"], known["cx_px"]) == (900.0, 900.0, 319.5)
+    assert (known["intrinsics_source"], known["focal_std_px"]) == ("camera_file", None)
