@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import math
 import multiprocessing
-import os
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -129,8 +128,7 @@ def measure(seed: int, keep: Path | None = None) -> Result:
         settings = replace(SETTINGS, seed=seed)
         recording = (keep or folder) / f"{seed}.mcap"
         if not recording.exists():
-            unfinished = write_beside(recording, settings)
-            unfinished.replace(recording)
+            write(recording, settings, with_detections=True)
         view = make_scene(settings).view
         simulated = time.perf_counter()
         result = Result(
@@ -149,13 +147,6 @@ def measure(seed: int, keep: Path | None = None) -> Result:
                 result.scores[detector, "given"] = _score(store, run_id)
         result.seconds = (simulated - start, time.perf_counter() - simulated)
     return result
-
-
-def write_beside(recording: Path, settings: Settings) -> Path:
-    """Write a scene's recording under a name that is given up when it is whole."""
-    unfinished = recording.with_suffix(f".{os.getpid()}.part")
-    write(unfinished, settings, with_detections=True)
-    return unfinished
 
 
 def _true_camera(view: View) -> CameraConfig:

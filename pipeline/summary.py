@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from pipeline.console import err, out, print_rows, safe
 from pipeline.errors import CalibrationUndetermined
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from pipeline.calibrate.blur_floor import BlurFloor
     from pipeline.calibration_run import FittedToTruth, Found
     from pipeline.cluster.run import SharedResult
+
+T = TypeVar("T")
 
 MAX_SHOWN = 10  # losses; the others are in the table `diagnostics`
 
@@ -275,15 +277,23 @@ def _errors_row(c: Calibration) -> list[str]:
     ]
 
 
+def _determined(
+    results: Sequence[tuple[str, T | CalibrationUndetermined]],
+) -> Iterator[tuple[str, T]]:
+    """Yield what was found of each camera; say of the others why nothing was."""
+    for camera, result in results:
+        if isinstance(result, CalibrationUndetermined):
+            err.print(f"stadimeter: {safe(camera)}: {safe(result)}", soft_wrap=True)
+        else:
+            yield camera, result
+
+
 def print_poses(
     results: Sequence[tuple[str, Found | CalibrationUndetermined]],
 ) -> int:
     """Print the pose of each camera, or why it is not determined; return how many are."""
     rows = []
-    for camera, result in results:
-        if isinstance(result, CalibrationUndetermined):
-            err.print(f"stadimeter: {safe(camera)}: {safe(result)}", soft_wrap=True)
-            continue
+    for camera, result in _determined(results):
         plane, lens = result.plane, result.lens
         height_std_m, tilt_std, roll_std = (1.96 * v**0.5 for v in plane.covariance.diagonal())
         focal = f"{lens.intrinsics.fx_px:.0f} ± {1.96 * lens.std_px:.0f}" if lens else "as given"
@@ -307,10 +317,7 @@ def print_blur_floors(
 ) -> int:
     """Print how soft each camera is by itself, or why it is not known; return how many are."""
     rows = []
-    for camera, result in results:
-        if isinstance(result, CalibrationUndetermined):
-            err.print(f"stadimeter: {safe(camera)}: {safe(result)}", soft_wrap=True)
-            continue
+    for camera, result in _determined(results):
         size = f"{result.floor_px:.2f} ± {1.96 * result.std_px:.2f}"
         rows.append([camera, size, result.source, f"{result.count:,}"])
     if rows:
