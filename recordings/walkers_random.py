@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.calibrate.walkers import POPULATION_MEAN_STD_M
 from pipeline.records import GroundPlane, Intrinsics
 from recordings.walkers_body import Build, Floats, Path
 from recordings.walkers_scene import Person, Scene, Settings, Walk, ends_m
@@ -18,9 +19,9 @@ from recordings.walkers_things import Thing, bench, car, pole, sign, tree
 from recordings.walkers_view import View
 
 NEAREST_M, FARTHEST_M = 4.0, 45.0  # depths at which people pass
-# Stature of men and women, shod, as the population of pipeline.config.ADULT; and how far the mean of
-# those who happen to walk here lies from the population's, beyond chance.
-MEN_M, WOMEN_M, WITHIN_SEX_M, LOCAL_MEAN_STD_M = 1.74, 1.62, 0.066, 0.03
+# Stature of men and women, shod, as the population of pipeline.config.ADULT. The mean of those who
+# happen to walk here lies off the population's as far as the self-calibration is told it may.
+MEN_M, WOMEN_M, WITHIN_SEX_M = 1.74, 1.62, 0.066
 CHILD_M = (1.05, 1.45)
 CHILDREN, RUNNERS, STOPPERS, CURVED, IN_GROUPS = 0.08, 0.05, 0.15, 0.35, 0.3
 APART_M = 0.55  # of people's axes, unless they walk together
@@ -133,7 +134,7 @@ def _random_people(
 ) -> list[Person]:
     """Return who walks here; a bench for who sits is added to the things."""
     people: list[Person] = []
-    local_m = random.normal(0, LOCAL_MEAN_STD_M)
+    local_m = random.normal(0, POPULATION_MEAN_STD_M)
     sits = random.uniform() < 0.4
     while len(people) < settings.people:
         # Who walks here must not depend on who fits into the picture: the body first, then a path.
