@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.config import DetectConfig
-from pipeline.detect.background import Background, difference
+from pipeline.detect.background import Background
 from pipeline.detect.ends import Unshaded, ends_of
 from pipeline.detect.ghosts import Box, Ghosts
 from pipeline.detect.groups import Pieces, split_groups
@@ -82,7 +82,8 @@ class MotionDetector:
         assert self._background is not None  # noqa: S101  (narrowing)
         for image in soft:
             reference = self._background.relit(image)
-            mask = _joined(self._background.foreground(difference(image, reference)))
+            differs = self._background.difference(image, reference)
+            mask = _joined(self._background.foreground(differs))
             ratio = cv2.divide(image, reference, scale=UNIT)
             self._shadow.learn(ratio, mask, _outlined(mask))
         self._shadow.fit()
@@ -109,9 +110,8 @@ class MotionDetector:
         if background.follow(image, seen.occupied, time_s):
             self._follow(seen, image, reference, time_s)
 
-        def unshaded(box: Box) -> Image:
-            x0, y0, x1, y1 = box
-            return self._shadow.unshaded(image[y0:y1, x0:x1], reference[y0:y1, x0:x1])
+        def unshaded(parts: Sequence[Box]) -> Sequence[Image]:
+            return self._shadow.unshaded_in(image, reference, parts)
 
         return self._tighten(found, seen, picture, unshaded)
 
@@ -126,7 +126,7 @@ class MotionDetector:
     def _foreground(self, image: Image, reference: Image) -> Foreground:
         """Return where bodies are, how they differ, and where anything is."""
         assert self._background is not None  # noqa: S101  (narrowing)
-        differs = difference(image, reference)
+        differs = self._background.difference(image, reference)
         raw = _joined(self._background.foreground(differs))
         mask, occupied = raw, raw.copy()
         outlined = _outlined(raw)
@@ -172,8 +172,9 @@ class MotionDetector:
         """Return the boxes with their ends found to a fraction of a pixel, in stored pixels."""
         edges, spreads, scores = [], [], []
         mask, differs, pieces = seen.mask, seen.differs, found.pieces
-        for box, unseen in zip(pieces.boxes.tolist(), pieces.unseen.tolist(), strict=True):
-            ends = ends_of(mask, differs, unshaded, box)
+        boxes = pieces.boxes.tolist()
+        all_ends = ends_of(mask, differs, unshaded, boxes)
+        for box, ends, unseen in zip(boxes, all_ends, pieces.unseen.tolist(), strict=True):
             if ends is None or ends[0][3] - ends[0][1] < self._min_height * mask.shape[0]:
                 continue
             edges.append(ends[0])

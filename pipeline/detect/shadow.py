@@ -20,6 +20,7 @@ from pipeline.detect.background import largest
 from pipeline.picture import Image
 
 FloatImage = npt.NDArray[np.float32]
+Box = tuple[int, int, int, int]
 
 # Factors are kept as bytes, 1.0 being this.
 UNIT = 128
@@ -61,7 +62,7 @@ class ShadowLight:
         self._shading = _shading(NEUTRAL)
         self._bounds: tuple[tuple[float, ...], ...] = ()
 
-    def learn(self, ratio: Image, mask: Image, boxes: Sequence[tuple[int, int, int, int]]) -> None:
+    def learn(self, ratio: Image, mask: Image, boxes: Sequence[Box]) -> None:
         """Take the foreground of a picture into account.
 
         Args:
@@ -150,6 +151,21 @@ class ShadowLight:
         edge = cv2.inRange(ratio, edge_darkest, edge_brightest)
         around = cv2.dilate(core, _AROUND)
         return np.asarray(cv2.bitwise_or(core, cv2.bitwise_and(edge, around)), np.uint8)
+
+    def unshaded_in(self, picture: Image, background: Image, parts: Sequence[Box]) -> list[Image]:
+        """Return what `unshaded` does of each part x0, y0, x1, y1, all of them in one row of pixels."""
+        if not parts:
+            return []
+        now, then = (
+            np.concatenate([image[y0:y1, x0:x1].reshape(-1, 3) for x0, y0, x1, y1 in parts])[None]
+            for image in (picture, background)
+        )
+        row, shaped, at = self.unshaded(now, then)[0], [], 0
+        for x0, y0, x1, y1 in parts:
+            end = at + (y1 - y0) * (x1 - x0)
+            shaped.append(row[at:end].reshape(y1 - y0, x1 - x0))
+            at = end
+        return shaped
 
     def unshaded(self, picture: Image, background: Image) -> Image:
         """Return how pixels (h, w, 3) differ from the background in whatever shade explains them best.

@@ -62,11 +62,10 @@ def test_ends_are_found_to_a_fraction_of_a_pixel(tall: float, contact: float) ->
         mask = cv2.compare(differs, 10, cv2.CMP_GT)
         x, y, w, h = cv2.boundingRect(mask)
 
-        def unshaded(box, image=image, ground=ground):
-            x0, y0, x1, y1 = box
-            return light.unshaded(image[y0:y1, x0:x1], ground[y0:y1, x0:x1])
+        def unshaded(parts, image=image, ground=ground):
+            return light.unshaded_in(image, ground, parts)
 
-        ends = ends_of(mask, differs, unshaded, (x, y, x + w, y + h))
+        [ends] = ends_of(mask, differs, unshaded, [(x, y, x + w, y + h)])
         assert ends is not None
         (_, found_top, _, found_bottom), (_, top_std, _, bottom_std) = ends
         errors.append([found_top - top, found_bottom - bottom])
@@ -79,4 +78,4 @@ def test_ends_are_found_to_a_fraction_of_a_pixel(tall: float, contact: float) ->
 def test_what_is_no_silhouette_has_no_ends() -> None:
     mask = np.zeros((50, 50), np.uint8)
     mask[20:22, 10:40] = 255
-    assert ends_of(mask, mask, lambda box: mask, (10, 20, 40, 22)) is None
+    assert ends_of(mask, mask, lambda parts: [], [(10, 20, 40, 22)]) == [None]
