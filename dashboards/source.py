@@ -15,12 +15,12 @@ import pyarrow as pa
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
-from mcap.reader import SeekingReader
 
 from dashboards.stills import StillEncoded
 from pipeline.config import Config
 from pipeline.diagnostics import Notes
 from pipeline.ingest.frames import FrameAssembler
+from pipeline.ingest.mcap_indexed import IndexedMessage, indexed_messages, summary_of
 from pipeline.ingest.mcap_records import McapFile
 from pipeline.raw_image import compressed
 from pipeline.store.database import Store
@@ -153,13 +153,14 @@ def pictures(
     cameras = {row["topic"]: row["camera"] for row in tables["cameras"].to_pylist()}
     if not recording["damaged"]:
         with file.open("rb") as stream:
-            reader = SeekingReader(stream)
             try:
-                summary = reader.get_summary()
+                summary = summary_of(stream)
             except (McapError, ValueError, OSError):
                 summary = None
             if summary is not None and _is_plain(summary, set(cameras)):
-                yield from _indexed(reader, cameras, frames, span)
+                limit = config.limits.chunk_bytes
+                messages = indexed_messages(stream, summary, set(cameras), span, limit)
+                yield from _indexed(messages, cameras, frames)
                 return
     yield from _assembled(file, config, cameras, frames, span)
 
@@ -176,24 +177,21 @@ def _is_plain(summary: Any, topics: set[str]) -> bool:
 
 
 def _indexed(
-    reader: SeekingReader,
+    messages: Iterable[IndexedMessage],
     cameras: Mapping[str, str],
     frames: Mapping[tuple[str, int], list[int]],
-    span: Span | None,
 ) -> Iterator[StillEncoded]:
-    within = {} if span is None else {"starting_at": span.start_ns, "ending_at": span.end_ns}
     seen: dict[tuple[str, int], int] = defaultdict(int)
-    for _, channel, message in reader.iter_messages(topics=list(cameras), **within):
-        key = (cameras[channel.topic], message.log_time)
+    for message in messages:
+        key = (cameras[message.topic], message.log_time_ns)
         indexes, at = frames.get(key), seen[key]
         if indexes is None or at >= len(indexes):
             continue
-        seen[key] += 1
         try:
-            image = CompressedImage.FromString(message.data).data
+            image = CompressedImage.FromString(message.data).data  # type: ignore[arg-type]
         except DecodeError:
-            seen[key] -= 1  # it was no frame
-            continue
+            continue  # it was no frame
+        seen[key] += 1
         yield StillEncoded(key[0], indexes[at], image)
 
 

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -82,14 +83,10 @@ def write_timeline(
     try:
         stream.save(part, default_blueprint=layout)
         stream.send_recording_name(_name(sources))
-        _log_texts(stream, sources, cameras)
-        for source, own in zip(sources, cameras, strict=True):
-            for rows in own:
-                _log_camera(stream, rows, source.tables)
-            place = path("diagnostics", *([_stem(source)] if len(sources) > 1 else []))
-            log_diagnostics(stream, place, source.tables["diagnostics"], own)
-            by_name = {str(rows.camera["camera"]): rows for rows in own}
-            log_images(stream, source.images, by_name, options.preview_px)
+        with ThreadPoolExecutor(1) as aside:
+            pictures = aside.submit(_log_pictures, stream, sources, cameras, options)
+            _log_rows(stream, sources, cameras)
+            pictures.result()
         stream.flush()
         stream.disconnect()
         part.replace(target)
@@ -145,6 +142,29 @@ def _cameras(source: Source, options: TimelineOptions, sources: int) -> list[Cam
         )
         for camera in cameras
     ]
+
+
+def _log_pictures(
+    stream: rr.RecordingStream,
+    sources: Sequence[Source],
+    cameras: Sequence[Sequence[CameraRows]],
+    options: TimelineOptions,
+) -> None:
+    """Send the pictures: in a thread of its own, as most of it is waiting for bytes to be copied."""
+    for source, own in zip(sources, cameras, strict=True):
+        by_name = {str(rows.camera["camera"]): rows for rows in own}
+        log_images(stream, source.images, by_name, options.preview_px)
+
+
+def _log_rows(
+    stream: rr.RecordingStream, sources: Sequence[Source], cameras: Sequence[Sequence[CameraRows]]
+) -> None:
+    _log_texts(stream, sources, cameras)
+    for source, own in zip(sources, cameras, strict=True):
+        for rows in own:
+            _log_camera(stream, rows, source.tables)
+        place = path("diagnostics", *([_stem(source)] if len(sources) > 1 else []))
+        log_diagnostics(stream, place, source.tables["diagnostics"], own)
 
 
 def _log_texts(
