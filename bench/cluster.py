@@ -14,10 +14,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from bench.footage import street_pictures, write_recording
-from pipeline.cluster.engine import local_engine, ray_engine
+from pipeline.cluster.engine import ray_engine
 from pipeline.cluster.run import run_shared
 from pipeline.config import Config
 from pipeline.console import out, print_rows
+from pipeline.processes import local_engine
 from pipeline.store.manifest import Part, read_manifests, write_manifest
 from pipeline.store.shared import merge, open_shared
 

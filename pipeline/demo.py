@@ -10,7 +10,8 @@ from pipeline.config import Config, load_config
 from pipeline.console import out, print_rows, progress_lines, safe
 from pipeline.errors import MissingLibrary, UsageError, Where
 from pipeline.ingest.survey import survey
-from pipeline.run import Outcome, run
+from pipeline.one_recording import Outcome
+from pipeline.run import run
 from pipeline.store.database import Store
 from pipeline.summary import print_run, print_tracks
 

@@ -1,6 +1,6 @@
 """Recordings through both passes, into the database and onto timelines.
 
-    measure (pass 1, in processes) -> store -> estimate (pass 2) -> timeline (in processes)
+    measure (pass 1) -> store -> estimate (pass 2) -> timeline
 
 A recording is committed whole, with its estimates, or not at all. Only this process writes to the
 database, because DuckDB lets one in; the others hand over Parquet files.
@@ -10,42 +10,29 @@ from __future__ import annotations
 
 import glob
 import json
-import multiprocessing
 import platform
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from importlib.metadata import version
-from multiprocessing.managers import SyncManager
 from pathlib import Path
-from typing import Any
 
 from pipeline import __version__
+from pipeline.apart import Begun
 from pipeline.config import Config
-from pipeline.errors import StadimeterError, StoreError, Where
-from pipeline.first_pass import measure_recording
-from pipeline.lifeline import die_with_parent
+from pipeline.errors import StoreError, Where
+from pipeline.one_recording import Outcome, add_timelines, commit, measure
 from pipeline.progress import Progress, Report, silent
 from pipeline.records import Diagnostic, Severity
 from pipeline.second_pass import estimate_recording
-from pipeline.stages import StageTimes
-from pipeline.store.database import RecordingRow, Store, new_run_id
+from pipeline.side_by_side import Work, collect, side_by_side
+from pipeline.store.database import Store, new_run_id
 
 LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "rerun-sdk", "scipy")
-
-
-@dataclass(slots=True)
-class Outcome:
-    """What became of one recording."""
-
-    path: Path
-    recording: RecordingRow | None = None
-    timelines: list[Path] = field(default_factory=list)
-    error: StadimeterError | None = None
-    times: StageTimes = field(default_factory=StageTimes)
 
 
 @dataclass(slots=True)
@@ -88,39 +75,50 @@ def run(
     """
     paths = list(dict.fromkeys(Path(p) for p in recordings))
     new = not database.exists()
+    begun = begin(config, label)
+    result = RunResult(begun.run_id)
     with (
         Store.hold(database) as store,
         ThreadPoolExecutor(1) as aside,
         _parts_folder(database) as parts,
     ):
-        result = RunResult(new_run_id())
-        run_id = result.run_id
-        begun = aside.submit(_begin, store, run_id, config, label)
+        prepared = aside.submit(_prepare, store, begun)
         # Half a second for a new one's tables and views, which is nobody's to wait for. With one that
         # is there more can go wrong: that is to be known before an hour of footage is measured.
         if not new:
-            begun.result()
-        for outcome, folder in _measured(paths, config, parts, workers, report):
-            begun.result()
+            prepared.result()
+        last = {path.stem: path for path in paths}  # a timeline has its recording's name
+        works = [
+            Work(
+                path,
+                config,
+                begun,
+                parts / f"{n:06d}",
+                timelines if last[path.stem] == path else None,
+            )
+            for n, path in enumerate(paths)
+        ]
+        here = workers <= 1 or len(paths) == 1
+        done = _one_by_one if here else partial(_side_by_side, workers)
+        for outcome in done(works, store, prepared, report):
             result.outcomes.append(outcome)
-            _store(store, run_id, outcome, folder, config, report)
-            shutil.rmtree(folder, ignore_errors=True)
-            if timelines is not None and outcome.recording is not None:
-                with outcome.times.stage("timeline"):
-                    outcome.timelines = write_timelines_of(
-                        store, outcome, timelines, config, report
-                    )
             if outcome.recording is not None:
                 frames = outcome.recording.frame_count
                 report(Progress(outcome.path.name, "done", frames, 1.0))
-        begun.result()
-        store.finish_run(run_id)
+        prepared.result()
+        store.finish_run(begun.run_id)
+    result.outcomes.sort(key=lambda outcome: paths.index(outcome.path))
     return result
 
 
-def _begin(store: Store, run_id: str, config: Config, label: str | None) -> None:
+def begin(config: Config, label: str | None) -> Begun:
+    """Return a new run."""
+    return Begun(new_run_id(), label, describe(config), library_versions())
+
+
+def _prepare(store: Store, begun: Begun) -> None:
     store.prepare()
-    store.start_run("run", label, describe(config), library_versions(), __version__, run_id)
+    begun.enter(store)
 
 
 def estimate_again(database: Path, config: Config, label: str | None) -> tuple[str, int]:
@@ -143,99 +141,53 @@ def estimate_again(database: Path, config: Config, label: str | None) -> tuple[s
     return run_id, len(rows)
 
 
-def _measured(
-    paths: list[Path], config: Config, parts: Path, workers: int, report: Report
-) -> Iterator[tuple[Outcome, Path]]:
-    """Yield each recording as its first pass ends, with the folder that holds its tables."""
-    folders = {path: parts / f"{index:06d}" for index, path in enumerate(paths)}
-    if workers <= 1 or len(paths) == 1:
-        for path, folder in folders.items():
-            yield _measure(path, config, folder, threads=2, report=report), folder
-        return
-    context = multiprocessing.get_context("spawn")
-    manager = SyncManager(ctx=context)
-    manager.start(initializer=die_with_parent)
-    with (
-        manager,
-        ProcessPoolExecutor(workers, mp_context=context, initializer=die_with_parent) as pool,
-    ):
-        queue = manager.Queue()
-        jobs: dict[Future[Outcome], Path] = {
-            pool.submit(_measure_in_process, path, config, folder, queue): folder
-            for path, folder in folders.items()
-        }
-        for job in _as_completed(jobs, queue, report):
-            yield job.result(), jobs[job]
+def _one_by_one(
+    works: list[Work], store: Store, prepared: Future[None], report: Report
+) -> Iterator[Outcome]:
+    """Do all of one recording after another in this process."""
+    for work in works:
+        outcome = measure(work.path, work.config, work.folder, threads=2, report=report)
+        prepared.result()
+        row = outcome.recording
+        if row is None:
+            _store_reason(store, outcome, work.begun.run_id)
+        else:
+            report(Progress(work.path.name, "estimate", row.frame_count, 1.0))
+            commit(store, row, work.folder, work.begun.run_id, work.config, outcome.times)
+        shutil.rmtree(work.folder, ignore_errors=True)
+        if row is not None and work.timelines is not None:
+            add_timelines(store, outcome, work.timelines, work.config, report)
+        yield outcome
 
 
-def _as_completed(
-    jobs: Iterable[Future[Outcome]], queue: Any, report: Report
-) -> Iterator[Future[Outcome]]:
-    """Yield jobs as they end, and pass on their progress meanwhile."""
-    waiting = set(jobs)
-    while waiting:
-        try:
-            done = next(as_completed(waiting, timeout=0.2))
-        except TimeoutError:
-            done = None
-        while not queue.empty():
-            report(queue.get())
-        if done is not None:
-            waiting.discard(done)
-            yield done
+def _side_by_side(
+    workers: int, works: list[Work], store: Store, prepared: Future[None], report: Report
+) -> Iterator[Outcome]:
+    """Let processes do all of the recordings, and store what they made of them."""
+    place = {work.path: n for n, work in enumerate(works)}
+    taken: dict[str, int] = {}  # of files with the same content the last stays, whoever was faster
+    for worked in side_by_side(works, workers, report):
+        prepared.result()
+        outcome = worked.outcome
+        if outcome.recording is None:
+            _store_reason(store, outcome, works[0].begun.run_id)
+        elif place[outcome.path] > taken.get(outcome.recording.recording_id, -1):
+            collect(store, worked)
+            taken[outcome.recording.recording_id] = place[outcome.path]
+        yield outcome
 
 
-def _measure_in_process(path: Path, config: Config, folder: Path, queue: Any) -> Outcome:
-    return _measure(path, config, folder, threads=1, report=queue.put)
-
-
-def _measure(path: Path, config: Config, folder: Path, *, threads: int, report: Report) -> Outcome:
-    outcome = Outcome(path)
-    try:
-        outcome.recording = measure_recording(
-            path, config, folder, threads=threads, report=report, times=outcome.times
-        )
-    except StadimeterError as error:
-        outcome.error = error
-    except OSError as error:
-        problem = f"cannot be read: {error.strerror or error}"
-        outcome.error = StadimeterError(f"{path} {problem}")
-    return outcome
-
-
-def _store(
-    store: Store, run_id: str, outcome: Outcome, folder: Path, config: Config, report: Report
-) -> None:
-    """Commit a recording with its estimates in one transaction, or the reason why not.
+def _store_reason(store: Store, outcome: Outcome, run_id: str) -> None:
+    """Commit the reason why a recording cannot be had.
 
     Raises:
         StoreError: there is no room for it; that is nothing that the recording could help.
     """
     if isinstance(outcome.error, StoreError):
         raise outcome.error
-    if outcome.recording is None:
-        note = Diagnostic(Severity.ERROR, "unreadable_file", str(outcome.error))
-        with store.transaction():
-            store.add_diagnostics([note], None, run_id, outcome.path.name)
-        return
-    report(Progress(outcome.path.name, "estimate", outcome.recording.frame_count, 1.0))
+    note = Diagnostic(Severity.ERROR, "unreadable_file", str(outcome.error))
     with store.transaction():
-        with outcome.times.stage("store"):
-            recording_id = store.ingest(outcome.recording, folder, run_id)
-        with outcome.times.stage("estimate"):
-            estimate_recording(store, recording_id, run_id, outcome.path.name, config)
-
-
-def write_timelines_of(
-    store: Store, outcome: Outcome, folder: Path, config: Config, report: Report
-) -> list[Path]:
-    """Write the Rerun recordings of a stored recording; a long one is split by time."""
-    from dashboards.split import write_timelines  # heavy, and not always wanted
-
-    recording = outcome.recording
-    assert recording is not None  # noqa: S101  (narrowing)
-    report(Progress(outcome.path.name, "timeline", recording.frame_count, 1.0))
-    return write_timelines(store, recording.recording_id, outcome.path, folder, config)
+        store.add_diagnostics([note], None, run_id, outcome.path.name)
 
 
 @contextmanager

@@ -163,6 +163,40 @@ def test_a_killed_run_leaves_no_processes_behind(recordings: list[Path], tmp_pat
     assert [p.name for p in tmp_path.iterdir()] == ["x.duckdb"]
 
 
+@pytest.mark.slow
+def test_a_killed_worker_is_replaced(recordings: list[Path], tmp_path: Path) -> None:
+    reference, database = tmp_path / "reference.duckdb", tmp_path / "x.duckdb"
+    command = [sys.executable, "-m", "pipeline.cli", "run", *map(str, recordings), "--workers"]
+    subprocess.run([*command, "1", "--db", str(reference)], cwd=ROOT, capture_output=True)
+    run = subprocess.Popen(
+        [*command, "2", "--db", str(database)],
+        cwd=ROOT,
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60
+    while len(_workers(run.pid)) < 2 and time.monotonic() < deadline and run.poll() is None:
+        time.sleep(0.02)
+    os.kill(_workers(run.pid)[0], signal.SIGKILL)
+    _, said = run.communicate(timeout=120)
+    assert run.returncode == 3, said  # each has a broken picture
+    assert contents(database) == contents(reference)
+    assert {p.name for p in tmp_path.iterdir()} == {"x.duckdb", "reference.duckdb"}
+
+
+def _workers(leader: int) -> list[int]:
+    """Return the processes of a run that do recordings: they are copies of one that it began."""
+    found = []
+    for process in _session(leader):
+        with suppress(OSError):
+            stat = Path(f"/proc/{process}/stat").read_text()
+            parent = int(stat.rsplit(")", 1)[1].split()[1])
+            if process != leader and parent != leader:
+                found.append(process)
+    return found
+
+
 def _session(leader: int) -> list[int]:
     """Return the living processes of a session."""
     found = []

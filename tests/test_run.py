@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-import pipeline.run
+import pipeline.one_recording
 from pipeline.config import CameraConfig, Config
 from pipeline.errors import StoreError
 from pipeline.ingest.mcap_writer import (
@@ -19,10 +20,12 @@ from pipeline.ingest.mcap_writer import (
     timestamp,
 )
 from pipeline.optics.silhouette import mean_reach
+from pipeline.progress import Progress
 from pipeline.records import Intrinsics
 from pipeline.run import estimate_again, run
 from pipeline.store.database import RecordingRow, Store
 from schemas.stadimeter_pb2 import Detections, GroundTruth
+from tests.tables import assert_same, everything
 
 START_NS = 1_700_000_000_000_000_000
 INTRINSICS = Intrinsics(320, 240, 400.0, 400.0, 159.5, 119.5)
@@ -192,22 +195,40 @@ def test_a_file_that_is_no_recording_does_not_stop_the_others(people: Path, tmp_
 
 @pytest.mark.slow
 def test_workers_give_the_same_rows_as_one_process(tmp_path: Path) -> None:
-    paths = []
-    for number in range(3):
-        paths.append(tmp_path / f"{number}.mcap")
-        write_people(paths[-1], frames=10 + number)
-    tables = []
+    paths = [tmp_path / f"{number}.mcap" for number in range(3)]
+    for number, path in enumerate(paths):
+        write_people(path, frames=10 + number, broken=number)
+    copy, bad = tmp_path / "copy.mcap", tmp_path / "bad.mcap"
+    shutil.copy(paths[0], copy)
+    bad.write_bytes(b"no recording")
+    paths += [copy, bad]
+    found = []
     for workers in (1, 2):
-        db = tmp_path / f"{workers}.duckdb"
-        run(paths, db, LEVEL, workers=workers)
-        with Store.open(db, read_only=True) as store:
-            tables.append(
-                store.query(
-                    "SELECT recording_id, observation_index, method, depth_m, height_m "
-                    "FROM estimates ORDER BY ALL"
-                ).to_pylist()
-            )
-    assert tables[0] == tables[1]
+        folder = tmp_path / f"by {workers}"
+        said: list[Progress] = []
+        result = run(
+            paths,
+            folder / "x.duckdb",
+            LEVEL,
+            timelines=folder / "rrd",
+            workers=workers,
+            label="night",
+            report=said.append,
+        )
+        assert [o.path for o in result.outcomes] == paths
+        assert [o.path for o in result.failed] == [bad]
+        stages = {"decode", "estimate", "store", "timeline"}
+        assert all(stages <= set(o.times.spent) for o in result.stored)
+        assert {(p.file_name, p.stage) for p in said} >= {
+            (path.name, stage) for path in paths[:4] for stage in ("measure", "estimate", "done")
+        }
+        assert {p.name for p in folder.iterdir()} == {"x.duckdb", "rrd"}
+        assert {p.stem for p in (folder / "rrd").iterdir()} == {"0", "1", "2", "copy"}
+        with Store.open(folder / "x.duckdb", read_only=True) as store:
+            found.append(everything(store))
+    assert_same(found[1], found[0])
+    assert len(found[0]["estimates"]) > 0
+    assert set(found[0]["recordings"].file_name) == {"copy.mcap", "1.mcap", "2.mcap"}
 
 
 def test_nothing_is_left_beside_the_database(people: Path, tmp_path: Path) -> None:
@@ -224,7 +245,7 @@ def test_a_database_that_cannot_be_prepared_ends_the_run(
     if not new:
         run([people], database, LEVEL)
     measured: list[Path] = []
-    measure = pipeline.run.measure_recording
+    measure = pipeline.one_recording.measure_recording
 
     def seen(path: Path, *rest: Any, **named: Any) -> RecordingRow:
         measured.append(path)
@@ -233,7 +254,7 @@ def test_a_database_that_cannot_be_prepared_ends_the_run(
     def refuse(store: Store) -> None:
         raise StoreError("no room for tables")
 
-    monkeypatch.setattr(pipeline.run, "measure_recording", seen)
+    monkeypatch.setattr(pipeline.one_recording, "measure_recording", seen)
     monkeypatch.setattr(Store, "prepare", refuse)
     with pytest.raises(StoreError, match="no room for tables"):
         run([people], database, LEVEL)

@@ -1,130 +1,20 @@
-"""Where tasks run: processes of this machine, or Ray, on this machine or on many.
+"""Ray as what runs tasks, on this machine or on many.
 
 A task is a function of a module, with arguments that can be pickled; what it makes, it leaves on shared
-storage. An engine hands tasks out, and hands results back as they come.
+storage.
 """
 
 from __future__ import annotations
 
 import logging
-import multiprocessing
 import os
 import socket
-from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 from pipeline.errors import MissingLibrary, StadimeterError
-
-# A task whose machine dies is begun again elsewhere; one that kills whatever it runs on is given up.
-RETRIES = 3
-
-T = TypeVar("T")
-
-
-class WorkerLost(StadimeterError):
-    """The process or machine that did a task died of it, or with it."""
-
-
-class Engine(Protocol):
-    """Runs tasks."""
-
-    def submit(self, name: object, task: Callable[..., Any], *arguments: object) -> None:
-        """Begin a task, or let it wait for its turn."""
-
-    def results(self) -> Iterator[tuple[Any, Any]]:
-        """Yield name and result of each task as it ends, of those begun meanwhile too.
-
-        A result may be a `WorkerLost`.
-        """
-
-
-class LocalEngine:
-    """Processes of this machine.
-
-    No more tasks are handed to the pool than it has processes: when one dies, the pool goes with it,
-    and whoever was in it is suspected of it.
-    """
-
-    def __init__(self, workers: int) -> None:
-        self._workers = workers
-        self._pool: ProcessPoolExecutor | None = None
-        self._waiting: deque[_Task] = deque()
-        self._running: dict[Future[Any], _Task] = {}
-
-    def submit(self, name: object, task: Callable[..., Any], *arguments: object) -> None:
-        """Let a task wait for its turn."""
-        self._waiting.append(_Task(name, task, arguments))
-
-    def results(self) -> Iterator[tuple[Any, Any]]:
-        """Yield name and result of each task as it ends."""
-        while self._waiting or self._running:
-            self._begin()
-            done, _ = wait(self._running, return_when=FIRST_COMPLETED)
-            for future in done:
-                task = self._running.pop(future)
-                if not isinstance(future.exception(), BrokenProcessPool):
-                    yield task.name, future.result()
-                    continue
-                self._pool = None
-                task.deaths += 1
-                if task.deaths > RETRIES:
-                    yield task.name, _lost(task.name, "its process ended")
-                else:
-                    self._waiting.append(task)
-
-    def _begin(self) -> None:
-        if self._pool is None:
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(self._workers, mp_context=context)
-        while self._waiting and len(self._running) < self._workers:
-            task = self._waiting.popleft()
-            try:
-                self._running[self._pool.submit(task.function, *task.arguments)] = task
-            except BrokenProcessPool:  # those that run will say so
-                self._waiting.appendleft(task)
-                return
-
-    def close(self) -> None:
-        """End the processes."""
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
-
-
-class InlineEngine:
-    """This process, one task after another."""
-
-    def __init__(self) -> None:
-        self._waiting: deque[_Task] = deque()
-
-    def submit(self, name: object, task: Callable[..., Any], *arguments: object) -> None:
-        """Let a task wait for its turn."""
-        self._waiting.append(_Task(name, task, arguments))
-
-    def results(self) -> Iterator[tuple[Any, Any]]:
-        """Yield name and result of each task as it ends."""
-        while self._waiting:
-            task = self._waiting.popleft()
-            yield task.name, task.function(*task.arguments)
-
-
-@dataclass(slots=True)
-class _Task:
-    name: object
-    function: Callable[..., Any]
-    arguments: tuple[object, ...]
-    deaths: int = 0
-
-
-def _lost(name: object, why: object) -> WorkerLost:
-    return WorkerLost(
-        f"what worked on it died {RETRIES + 1} times: {why}",
-        remedy=f"See whether memory ran out; `stadimeter inspect` tells what is in {name}",
-    )
+from pipeline.processes import RETRIES, lost
 
 
 class RayEngine:
@@ -153,20 +43,7 @@ class RayEngine:
                 self._ray.exceptions.ObjectLostError,
                 self._ray.exceptions.OutOfMemoryError,
             ) as error:
-                yield name, _lost(name, str(error).splitlines()[0])
-
-
-@contextmanager
-def local_engine(workers: int) -> Iterator[Engine]:
-    """Give an engine of so many processes; one is this process."""
-    if workers <= 1:
-        yield InlineEngine()
-        return
-    engine = LocalEngine(workers)
-    try:
-        yield engine
-    finally:
-        engine.close()
+                yield name, lost(name, str(error).splitlines()[0])
 
 
 def _knock(address: str) -> None:

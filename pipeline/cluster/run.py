@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline import __version__
-from pipeline.cluster.engine import Engine, WorkerLost, local_engine, ray_engine
+from pipeline.cluster.engine import ray_engine
 from pipeline.cluster.split import Plan
 from pipeline.cluster.tasks import Run, join, work, work_window
 from pipeline.config import Config
 from pipeline.errors import StadimeterError, UsageError, Where
+from pipeline.processes import Engine, WorkerLost, local_engine
 from pipeline.progress import Progress, Report, silent
-from pipeline.run import describe, library_versions
-from pipeline.store.database import new_run_id
+from pipeline.run import begin
 from pipeline.store.manifest import Manifest, Source, read_manifests
 
 # Windows of a long recording: 7 % of it is read twice (`split.OVERLAP_S`), and a day is 144 tasks.
@@ -87,16 +87,9 @@ def run_shared(
         (folder / "manifests").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"cannot be made: {error.strerror}", where=Where(folder)) from error
-    run = Run(
-        folder.absolute(),
-        config,
-        new_run_id(),
-        label,
-        describe(config),
-        library_versions(),
-        window_s,
-    )
-    result = SharedResult(run.run_id)
+    begun = begin(config, label)
+    run = Run(folder.absolute(), config, begun, window_s)
+    result = SharedResult(begun.run_id)
     missing = _missing([p.absolute() for p in recordings], run, result)
     if missing:
         with _engine(engine, address, workers) as started:
@@ -105,7 +98,11 @@ def run_shared(
 
 
 def _engine(name: str, address: str | None, workers: int) -> AbstractContextManager[Engine]:
-    return ray_engine(address, workers) if name == "ray" else local_engine(workers)
+    return (
+        ray_engine(address, workers)
+        if name == "ray"
+        else local_engine(workers, loads=[work.__module__])
+    )
 
 
 def _missing(paths: list[Path], run: Run, result: SharedResult) -> list[Path]:

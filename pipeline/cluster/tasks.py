@@ -12,20 +12,20 @@ import json
 import shutil
 import tempfile
 import uuid
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 from pipeline import __version__
+from pipeline.apart import Begun, own_store
 from pipeline.cluster.split import Plan, Window, WindowFile, plan_windows
 from pipeline.cluster.stitch import stitch
 from pipeline.config import Config
 from pipeline.errors import StadimeterError
 from pipeline.first_pass import measure_recording
+from pipeline.one_recording import commit
 from pipeline.records import Diagnostic, Severity
-from pipeline.second_pass import estimate_recording
+from pipeline.stages import StageTimes
 from pipeline.store.database import RecordingRow, Store
 from pipeline.store.manifest import (
     Manifest,
@@ -45,16 +45,13 @@ class Run:
 
     folder: Path
     config: Config
-    run_id: str
-    label: str | None
-    configuration: str
-    libraries: str
+    begun: Begun
     window_s: float
 
     @property
     def configuration_sha256(self) -> str:
         """What a finished recording must have been made with."""
-        return hashlib.sha256(self.configuration.encode()).hexdigest()
+        return hashlib.sha256(self.begun.configuration.encode()).hexdigest()
 
     @property
     def answer_key(self) -> str:
@@ -148,11 +145,9 @@ def _summed(rows: list[RecordingRow], parts: Path, path: Path) -> RecordingRow:
 
 def _finish(row: RecordingRow, source: Source, parts: Path, run: Run) -> Manifest:
     """Let a database of its own take in and estimate the recording, as that of a run would."""
-    with _own_store(run) as store:
-        with store.transaction():
-            key = store.ingest(row, parts, run.run_id)
-            estimate_recording(store, key, run.run_id, row.path.name, run.config)
-        return _publish(store, key, source, run, row, None)
+    with own_store(run.begun) as store:
+        commit(store, row, parts, run.begun.run_id, run.config, StageTimes())
+        return _publish(store, row.recording_id, source, run, row, None)
 
 
 def _failed(path: Path, run: Run, error: StadimeterError | OSError) -> Manifest:
@@ -165,9 +160,9 @@ def _failed(path: Path, run: Run, error: StadimeterError | OSError) -> Manifest:
     except OSError:
         source = Source(str(path.absolute()), 0, 0)
     note = Diagnostic(Severity.ERROR, "unreadable_file", problem)
-    with _own_store(run) as store:
+    with own_store(run.begun) as store:
         with store.transaction():
-            store.add_diagnostics([note], None, run.run_id, path.name)
+            store.add_diagnostics([note], None, run.begun.run_id, path.name)
         return _publish(store, key_of_failure(source), source, run, None, problem)
 
 
@@ -179,7 +174,7 @@ def _publish(
     row: RecordingRow | None,
     failure: str | None,
 ) -> Manifest:
-    store.finish_run(run.run_id)
+    store.finish_run(run.begun.run_id)
     target = new_parts_folder(run.folder, key)
     manifest = Manifest(
         key=key,
@@ -187,7 +182,7 @@ def _publish(
         content_sha256=row.content_sha256 if row else None,
         configuration_sha256=run.configuration_sha256,
         software_version=__version__,
-        run_id=run.run_id,
+        run_id=run.begun.run_id,
         frame_count=row.frame_count if row else 0,
         frames_lost=row.frames_lost if row else 0,
         damaged=row.damaged if row else False,
@@ -196,25 +191,3 @@ def _publish(
     )
     write_manifest(run.folder, manifest)
     return manifest
-
-
-@contextmanager
-def _own_store(run: Run) -> Iterator[Store]:
-    """Give an empty database that is gone afterwards, with the run's row."""
-    with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
-        path = Path(name) / "one.duckdb"
-        path.write_bytes(_empty_database())
-        with Store.open(path) as store:
-            store.start_run(
-                "run", run.label, run.configuration, run.libraries, __version__, run.run_id
-            )
-            yield store
-
-
-@cache
-def _empty_database() -> bytes:
-    """Return a database without rows; to make one takes longer than to copy it."""
-    with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
-        path = Path(name) / "empty.duckdb"
-        Store.open(path).__exit__(None, None, None)
-        return path.read_bytes()

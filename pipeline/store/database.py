@@ -9,7 +9,7 @@ columns, never as text.
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -125,10 +125,10 @@ class Store:
         """Take hold of a database for writing, as `open`; until `prepare` it may have no tables."""
         return cls(connect(path, read_only=False), path)
 
-    def prepare(self) -> None:
-        """Make the tables and views of this version, where they are not there yet."""
+    def prepare(self, views: Collection[str] = ()) -> None:
+        """Make the tables and views of this version, or of these only some, where they are not there."""
         with self.transaction():
-            apply_schema(self._connection)
+            apply_schema(self._connection, views)
 
     @classmethod
     def open_current(cls, path: Path) -> Store:
@@ -218,7 +218,7 @@ class Store:
         the detector and are left out. Returns the recording's id.
         """
         recording_id = recording.recording_id
-        self._refuse_collision(recording)
+        self.refuse_collision(recording)
         self.forget(recording_id)
         self._connection.execute(
             "INSERT INTO recordings BY NAME SELECT ? AS recording_id, ? AS content_sha256, "
@@ -260,7 +260,7 @@ class Store:
         finally:
             cursor.close()
 
-    def take(self, table: str, rows: Dataset) -> None:
+    def take(self, table: str, rows: pa.RecordBatchReader) -> None:
         """Add rows as `rows` gave them; what several recordings bring, once. Inside a transaction."""
         only_new = {"runs": ("run_id",), "calibrations": ("run_id", "calibration_id")}.get(table)
         source = "FROM incoming"
@@ -285,7 +285,12 @@ class Store:
         ).fetchone()
         return found is not None
 
-    def _refuse_collision(self, recording: RecordingRow) -> None:
+    def refuse_collision(self, recording: RecordingRow) -> None:
+        """Refuse a recording whose key another one has.
+
+        Raises:
+            StoreError: there is such a one.
+        """
         other = self._connection.execute(
             "SELECT path FROM recordings WHERE recording_id = ? AND content_sha256 <> ?",
             [recording.recording_id, recording.content_sha256],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Collection, Mapping
 from functools import cache
 from graphlib import TopologicalSorter
 from importlib.resources import files
@@ -17,6 +18,7 @@ from pipeline.store.upgrade import upgrade_tables
 # need no new version.
 SCHEMA_VERSION = 3
 
+_PARTIAL = "some of the views"  # in the place of a hash: whoever opens it makes the others
 _VERSION_TABLE = """
 CREATE TABLE IF NOT EXISTS schema_version (version INTEGER NOT NULL, sql_sha256 VARCHAR NOT NULL);
 COMMENT ON TABLE schema_version IS 'One row: which tables and views this database has.';
@@ -25,19 +27,29 @@ COMMENT ON COLUMN schema_version.sql_sha256 IS 'Hash of the SQL that made the ta
 """
 
 
-def apply_schema(connection: duckdb.DuckDBPyConnection) -> None:
-    """Create or alter what is missing of the tables, and make views anew if any text differs."""
-    tables, *scripts = _scripts()
+def apply_schema(connection: duckdb.DuckDBPyConnection, only: Collection[str] = ()) -> None:
+    """Create or alter what is missing of the tables, and make views anew if any text differs.
+
+    Args:
+        connection: to a database, which may be empty.
+        only: the views that it is to have, with those that they need; none named is all.
+    """
     connection.execute(_VERSION_TABLE)
     if is_current(connection):
         return
+    tables, functions = _first_scripts()
     upgrade_tables(connection, tables)
     connection.execute(tables)
-    for script in scripts:
-        connection.execute(script)
-    _comment_view_columns(connection, re.findall(r"CREATE TABLE IF NOT EXISTS (\w+)", tables))
+    connection.execute(functions)
+    wanted = _with_needed(only)
+    for name, script in view_scripts():
+        if not only or name in wanted:
+            connection.execute(script)
+    if not only:
+        _comment_view_columns(connection, re.findall(r"CREATE TABLE IF NOT EXISTS (\w+)", tables))
     connection.execute("DELETE FROM schema_version")
-    connection.execute("INSERT INTO schema_version VALUES (?, ?)", [SCHEMA_VERSION, _digest()])
+    digest = _PARTIAL if only else _digest()
+    connection.execute("INSERT INTO schema_version VALUES (?, ?)", [SCHEMA_VERSION, digest])
 
 
 def is_current(connection: duckdb.DuckDBPyConnection) -> bool:
@@ -54,19 +66,41 @@ def _digest() -> str:
 
 def _scripts() -> list[str]:
     """Return the SQL of tables, functions and views, in the order in which it is run."""
+    return [*_first_scripts(), *(script for _, script in view_scripts())]
+
+
+def _first_scripts() -> list[str]:
     sql = files("schemas") / "sql"
-    first = [(sql / name).read_text() for name in ("tables.sql", "functions.sql")]
-    return first + [script for _, script in view_scripts()]
+    return [(sql / name).read_text() for name in ("tables.sql", "functions.sql")]
 
 
 def view_scripts() -> list[tuple[str, str]]:
     """Return name and text of the views' files, each after those that it mentions."""
-    scripts = {path.name.removesuffix(".sql"): path.read_text() for path in _sql_files("views")}
-    graph = {
+    scripts = _view_files()
+    return [(name, scripts[name]) for name in TopologicalSorter(_needed(scripts)).static_order()]
+
+
+def _view_files() -> dict[str, str]:
+    return {path.name.removesuffix(".sql"): path.read_text() for path in _sql_files("views")}
+
+
+def _needed(scripts: Mapping[str, str]) -> dict[str, set[str]]:
+    """Return what each view mentions of the others."""
+    return {
         name: {other for other in _mentioned(script) if other in scripts and other != name}
         for name, script in scripts.items()
     }
-    return [(name, scripts[name]) for name in TopologicalSorter(graph).static_order()]
+
+
+def _with_needed(names: Collection[str]) -> set[str]:
+    """Return views with all that they need."""
+    needed, found, open_ = _needed(_view_files()), set[str](), list(names)
+    while open_:
+        name = open_.pop()
+        if name not in found:
+            found.add(name)
+            open_ += needed[name]
+    return found
 
 
 def _sql_files(folder: str) -> list[Traversable]:

@@ -6,7 +6,7 @@ views of `schemas/sql` are applied to them unchanged.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -48,19 +48,40 @@ def export(store: Store, target: Path, folder: Path) -> dict[str, Part]:
 
     Returns what a manifest says of the files, by table.
     """
-    found = {}
-    for table in SHARED_TABLES:
-        path = target / f"{table}.parquet"
+    files = write_rows(store, target, "zstd")
+    return {table: describe_part(folder, path) for table, path in files.items()}
+
+
+def write_rows(store: Store, target: Path, compression: str) -> dict[str, Path]:
+    """Write what a store of one recording holds to a folder; return the file of each table."""
+    found = {table: target / f"{table}.parquet" for table in SHARED_TABLES}
+    for table, path in found.items():
         with (
             store.rows(table) as reader,
             pq.ParquetWriter(
-                path, reader.schema, compression="zstd", use_dictionary=_repeating(reader.schema)
+                path,
+                reader.schema,
+                compression=compression,
+                use_dictionary=_repeating(reader.schema),
             ) as writer,
         ):
             for batch in reader:
                 writer.write_batch(batch, row_group_size=ROW_GROUP)
-        found[table] = describe_part(folder, path)
     return found
+
+
+def take_rows(store: Store, recording_id: str | None, files: Mapping[str, Path]) -> None:
+    """Replace a recording by its rows in files; call inside a transaction.
+
+    Without an id they are what is said of a file that is no recording.
+    """
+    if recording_id is not None:
+        store.forget(recording_id)
+    for table, path in files.items():
+        with pq.ParquetFile(path) as file:
+            store.take(
+                table, pa.RecordBatchReader.from_batches(file.schema_arrow, file.iter_batches())
+            )
 
 
 def _repeating(schema: pa.Schema) -> list[str]:
@@ -160,14 +181,5 @@ def _check(folder: Path, manifest: Manifest) -> None:
 
 
 def _take(store: Store, folder: Path, manifest: Manifest) -> None:
-    import pyarrow.dataset  # brings pandas, which a question does not need
-
-    if manifest.failure is None:
-        store.forget(manifest.key)
-    for table in _with_rows(manifest):
-        rows = pyarrow.dataset.dataset(folder / manifest.parts[table].path, format="parquet")
-        store.take(table, rows)
-
-
-def _with_rows(manifest: Manifest) -> Iterable[str]:
-    return (table for table in SHARED_TABLES if manifest.parts[table].rows)
+    files = {t: folder / p.path for t, p in manifest.parts.items() if p.rows and t in SHARED_TABLES}
+    take_rows(store, manifest.key if manifest.failure is None else None, files)

@@ -6,7 +6,6 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
 from pipeline.cluster.run import run_shared
@@ -17,6 +16,7 @@ from pipeline.run import run
 from pipeline.store.database import RECORDING_TABLES, Store
 from pipeline.store.manifest import read_manifests
 from pipeline.store.shared import merge, open_shared
+from tests.tables import assert_same, everything
 from tests.test_run import LEVEL, write_people
 
 
@@ -41,28 +41,6 @@ def folder(made: Path, tmp_path: Path) -> Path:
     """A copy that a test may change, beside the recordings that it was made of."""
     shutil.copytree(made / "parts", tmp_path / "parts")
     return tmp_path / "parts"
-
-
-def everything(store: Store) -> dict[str, pd.DataFrame]:
-    """Rows of all tables and views, without what is different in every run."""
-    different = "run_id|baseline_run_id|started_at|finished_at|path|review_command"
-    names = [v.name for v in store.views() if "(" not in v.name]
-    found = {}
-    for name in names:
-        columns = next(v.columns for v in store.views() if v.name == name)
-        if set(columns) <= set(different.split("|")):
-            continue
-        found[name] = store.query(
-            f"SELECT COLUMNS(lambda c: NOT regexp_full_match(c, '{different}')) FROM {name} ORDER BY ALL"
-        ).to_pandas()
-    return found
-
-
-def assert_same(found: dict[str, pd.DataFrame], expected: dict[str, pd.DataFrame]) -> None:
-    """Sums may be taken in another order."""
-    assert set(found) == set(expected)
-    for name, rows in expected.items():
-        pd.testing.assert_frame_equal(found[name], rows, rtol=1e-12, atol=1e-12, obj=name)
 
 
 def test_parts_answer_as_a_database_does(made: Path) -> None:

@@ -54,3 +54,15 @@ def test_a_question_changes_nothing(older: Path) -> None:
 def test_a_current_database_is_not_opened_for_writing(path: Path) -> None:
     with Store.open(path, read_only=True), Store.open_current(path):
         pass
+
+
+def test_a_database_with_some_of_the_views_gets_the_others(tmp_path: Path) -> None:
+    path = tmp_path / "some.duckdb"
+    with Store.hold(path) as store:
+        store.prepare(["main.current_run"])
+        names = [v.name for v in store.views()]
+        assert "estimates" in names
+        assert {n for n in names if "." in n or n.startswith("current")} == {"current_run"}
+        assert "recording_runs" in names  # which that one needs
+    with Store.open(path) as store:
+        assert {"accuracy.by_method", "current_estimates"} <= {v.name for v in store.views()}

@@ -2,13 +2,14 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from pipeline.cluster.engine import RETRIES, Engine, LocalEngine, WorkerLost, local_engine
 from pipeline.errors import StoreError
+from pipeline.processes import RETRIES, Engine, LocalEngine, WorkerLost, local_engine, tell
 
 
 def double(number: int) -> int:
@@ -76,6 +77,55 @@ def test_what_kills_every_process_is_given_up_and_the_others_are_done(tmp_path: 
     assert found["good"] == 8
     assert isinstance(found["bad"], WorkerLost)
     assert (tmp_path / "deaths").stat().st_size == RETRIES + 1
+
+
+def die_with(folder: Path, mark: str) -> None:
+    """Kill the process that runs this, but never before the other is there to be killed with it."""
+    (folder / mark).touch()
+    deadline = time.monotonic() + 5
+    while not (folder / "slow").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def slow(folder: Path) -> str:
+    (folder / "slow").touch()
+    time.sleep(0.5)
+    (folder / "slow").unlink()
+    return "done"
+
+
+@pytest.mark.slow
+def test_who_runs_beside_what_kills_is_not_given_up_with_it(tmp_path: Path) -> None:
+    with closing(LocalEngine(2)) as engine:
+        engine.submit("bad", die_with, tmp_path, "x")
+        engine.submit("good", slow, tmp_path)
+        found = drained(engine)
+    assert found["good"] == "done"
+    assert isinstance(found["bad"], WorkerLost)
+
+
+def talk(count: int) -> int:
+    for number in range(count):
+        tell({"number": number})
+    tell("x" * 100_000)  # too long to be one piece
+    return count
+
+
+def test_what_tasks_tell_is_heard() -> None:
+    heard: list[object] = []
+    with local_engine(2, heard.append) as engine:
+        for count in (1, 3):
+            engine.submit(count, talk, count)
+        assert drained(engine) == {1: 1, 3: 3}
+    assert sorted(m["number"] for m in heard if isinstance(m, dict)) == [0, 0, 1, 2]
+    assert len(heard) == 4
+
+
+def test_nobody_waits_for_one_who_does_not_listen() -> None:
+    with local_engine(2) as engine:
+        engine.submit("much", talk, 50_000)
+        assert drained(engine) == {"much": 50_000}
 
 
 def test_an_error_of_a_task_is_raised() -> None:
