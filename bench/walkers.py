@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.calibrate.focal import calibrate_lens_from_walkers
-from pipeline.calibrate.walkers import POPULATION_MEAN_STD_M, calibrate_from_walkers
-from pipeline.config import ADULT, Config
+from pipeline.calibrate.walkers import calibrate_from_walkers
+from pipeline.config import ADULT, POPULATION_MEAN_STD_M, Config
 from pipeline.console import out, print_rows
 from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate import fused, ground, size

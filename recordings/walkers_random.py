@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.calibrate.walkers import POPULATION_MEAN_STD_M
+from pipeline.config import POPULATION_MEAN_STD_M
 from pipeline.records import GroundPlane, Intrinsics
 from recordings.walkers_body import Build, Floats, Path
 from recordings.walkers_scene import Person, Scene, Settings, Walk, ends_m

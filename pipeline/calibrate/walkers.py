@@ -67,17 +67,11 @@ MIN_OBSERVATIONS = 8
 ROWS_AT_ONCE = 20_000  # observations, from which those are chosen
 MAX_PER_TRACK = 40  # more of a track's frames say the same thing again
 # Chance leaves the mean stature of so many uncertain by 0.09 / sqrt(150) m = 7 mm, a seventh of
-# POPULATION_MEAN_STD_M; a day has tens of thousands, and the fit's time grows faster than their number.
+# `POPULATION_MEAN_STD_M`; a day has tens of thousands, and the fit's time grows faster than their number.
 MAX_PEOPLE = 150
 # A walker's head rises and falls by about 2 cm either side, and the box's foot is now one foot, now
 # the other (Whittle, Gait Analysis: vertical excursion of the trunk 46 mm).
 GAIT_STD = 0.02  # of the stature
-# The mean of the people who happen to walk here differs from the population's, beyond chance. The mean
-# statures of the 200 countries are 19-20 cm apart at most (NCD-RisC 2016, eLife 5:e13410), which of so
-# many normal deviates is 5.5 deviations: 0.036 m. A share of men of 0.5 +- 0.2, who are 0.12 m taller:
-# 0.024 m. Age, at 1 cm a decade of birth and more when old, and shoes, of 1-4 cm: 0.015 m each. Together
-# 0.05 m.
-POPULATION_MEAN_STD_M = 0.05
 # Where something here is known in metres it decides; the population still keeps a fit from running off.
 FREE_MEAN_STD = 0.3  # relative
 MIN_VARIANCE_RATIO = 0.5  # see covariance_of
@@ -235,7 +229,7 @@ def scale_of(
         mine = sample.track_id == person.track_id
         mean_m[mine], of_population[mine] = person.height_m - GAIT_DROP_M, False
         std_m[mine] = np.hypot(person.std_m, GAIT_DROP_STD_M)
-    mean_std = FREE_MEAN_STD if known else POPULATION_MEAN_STD_M / prior.mean_m
+    mean_std = FREE_MEAN_STD if known else prior.mean_uncertainty_m / prior.mean_m
     mean_std = float(np.hypot(mean_std, BOX_COMMON_STD))
     camera = camera_of(measured.intrinsics) if measured.intrinsics else None
     points = [

@@ -53,8 +53,8 @@ def estimate(geometry: Geometry, config: Config) -> Estimated:
     add_heights(estimated, geometry)
     for prior, rows in assumed:
         estimated.height_m[rows] = prior.mean_m
-        estimated.height_std_m[rows] = prior.std_m
-        estimated.height_common_std_m[rows] = prior.std_m
+        estimated.height_std_m[rows] = prior.any_std_m
+        estimated.height_common_std_m[rows] = prior.any_std_m
     add_positions(estimated, geometry)
     return estimated
 
@@ -81,7 +81,7 @@ def _by_prior(geometry: Geometry, prior: SizePrior, config: Config) -> Depths:
     angle, angle_std = angle_of(geometry, prior.dimension)
     depth_m = _over(prior.mean_m, angle)
     noise_m = depth_from_size_std_m(depth_m, angle, angle_std)
-    common_m = depth_m * math.hypot(prior.std_m / prior.mean_m, _focal_std(geometry))
+    common_m = depth_m * math.hypot(prior.any_std_m / prior.mean_m, _focal_std(geometry))
     return Depths(depth_m, noise_m, common_m, prior.dimension)
 
 
@@ -114,7 +114,7 @@ def _standing(geometry: Geometry, prior: SizePrior, mean: FloatArray, cov: Float
     if plane is not None and plane.focal_covariance is not None:
         by_tilt_m = -per_m * (mean[1] + y_h * mean[0])
         tilt_m = np.sqrt(tilt_and_focal(by_tilt_m, per_m * mean[0], plane))
-    common_m = np.hypot(depth_m * prior.std_m / prior.mean_m, tilt_m)
+    common_m = np.hypot(depth_m * prior.any_std_m / prior.mean_m, tilt_m)
     return Depths(depth_m, noise_m, common_m, Dimension.HEIGHT)
 
 

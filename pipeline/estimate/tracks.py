@@ -106,7 +106,7 @@ def _plausible(
             result.append(None)
         else:
             result.append(
-                bool(abs(height - prior.mean_m) <= RULED_OUT * np.hypot(std, prior.std_m))
+                bool(abs(height - prior.mean_m) <= RULED_OUT * np.hypot(std, prior.any_std_m))
             )
     return result
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from dataclasses import fields
 from pathlib import Path
 
@@ -49,7 +50,14 @@ def cameras(draw):
 
 
 priors = st.builds(
-    SizePrior, text, st.sampled_from(list(Dimension)), finite, finite, text, st.integers(0, 99)
+    SizePrior,
+    text,
+    st.sampled_from(list(Dimension)),
+    finite,
+    finite,
+    text,
+    st.integers(0, 99),
+    st.just(math.nan) | finite,
 )
 configs = st.builds(
     Config,

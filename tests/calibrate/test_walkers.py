@@ -11,13 +11,12 @@ import pytest
 from bench.walkers import scene, score
 from pipeline.calibrate.walkers import (
     MIN_PEOPLE,
-    POPULATION_MEAN_STD_M,
     Known,
     KnownDistance,
     KnownHeight,
     calibrate_from_walkers,
 )
-from pipeline.config import ADULT
+from pipeline.config import ADULT, POPULATION_MEAN_STD_M
 from pipeline.errors import CalibrationUndetermined, UsageError
 from pipeline.optics.ground_plane import project_person
 
@@ -134,6 +133,20 @@ def test_more_people_make_it_surer_down_to_what_the_population_leaves_open() -> 
     relative = [np.sqrt(p.covariance[0, 0]) / p.camera_height_m for p in (small, large)]
     assert relative[1] < relative[0]
     assert relative[1] > POPULATION_MEAN_STD_M / ADULT.mean_m * 0.99
+
+
+def test_who_knows_the_mean_stature_of_the_place_gets_a_surer_scale() -> None:
+    simulated = scene(np.random.default_rng(6), 40, bad_share=0.0)
+    priors = (
+        ADULT,
+        replace(ADULT, mean_std_m=0.01),
+        replace(ADULT, mean_std_m=np.nan, object_count=100),
+    )
+    anywhere, stated, sampled = (
+        np.sqrt(plane.covariance[0, 0]) / plane.camera_height_m
+        for plane, _ in (calibrate_from_walkers(simulated.measured, p) for p in priors)
+    )
+    assert stated < sampled * 1.05 < anywhere
 
 
 def test_too_few_people_are_refused_with_a_reason() -> None:

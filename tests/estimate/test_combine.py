@@ -93,7 +93,7 @@ def test_an_assumed_height_does_not_average_out():
     result = estimate(**tables(walk(), lens(50)), poses={}, config=Config())
     track = rows(result.track_heights, "size")
     assert track["height_m"] == [ADULT.mean_m]
-    assert track["height_std_m"] == [pytest.approx(ADULT.std_m)]
+    assert track["height_std_m"] == [pytest.approx(ADULT.any_std_m)]
     assert track["height_assumed"] == [True]
     assert track["observation_count"] == [50]
 
