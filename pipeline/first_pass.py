@@ -126,7 +126,8 @@ class CameraStage:
         frame, picture = item
         with times.stage("detect"):
             self.backdrop.add(picture)
-            boxes = self.detector.detect(frame, picture)
+            expected = self.tracker.expected(frame.capture_time_ns)
+            boxes = self.detector.detect(frame, picture, expected)
         with times.stage("track"):
             ids = self.tracker.update(frame.capture_time_ns, frame.frame_index, boxes)
         with times.stage("measure"):

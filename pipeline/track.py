@@ -46,6 +46,21 @@ class Tracker:
         self._lives: list[_Life] = []
         self._time_ns: int | None = None
 
+    def expected(self, capture_time_ns: int) -> FloatArray:
+        """Return where the tracks that are confirmed must be at a time, boxes (n, 4).
+
+        Those who were seen last come first, and of them the nearest.
+        """
+        sure = [i for i, k in enumerate(self._active) if k.count >= self._config.min_count]
+        if self._time_ns is None or not sure:
+            return np.empty((0, 4))
+        elapsed_s = max((capture_time_ns - self._time_ns) / 1e9, 0.0)
+        x, y, tall, wide, x_speed, y_speed = self._filters.state[sure].T
+        x, y = x + elapsed_s * x_speed, y + elapsed_s * y_speed
+        last_ns = np.array([self._active[i].last_time_ns for i in sure])
+        boxes = np.stack([x - wide / 2, y - tall, x + wide / 2, y], axis=1)
+        return boxes[np.lexsort((-y, -last_ns))]
+
     def update(self, capture_time_ns: int, frame_index: int, boxes: Boxes) -> IntArray:
         """Return a track id for every box of a frame."""
         self._predict(capture_time_ns)

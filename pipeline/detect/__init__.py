@@ -18,7 +18,7 @@ from pipeline.detect.recorded import RecordedDetector
 from pipeline.detect.roi import RoiDetector
 from pipeline.errors import UsageError
 from pipeline.picture import Picture
-from pipeline.records import Boxes, Frame
+from pipeline.records import Boxes, FloatArray, Frame
 
 
 class Detector(Protocol):
@@ -39,8 +39,16 @@ class Detector(Protocol):
     def learn(self, pictures: Sequence[Picture]) -> None:
         """Look at pictures spread over the first `learning_s`; called once, if that is positive."""
 
-    def detect(self, frame: Frame, picture: Picture | None) -> Boxes:
-        """Return the objects of a frame; `picture` is None where it could not be decoded."""
+    def detect(
+        self, frame: Frame, picture: Picture | None, expected: FloatArray | None = None
+    ) -> Boxes:
+        """Return the objects of a frame.
+
+        Args:
+            frame: which.
+            picture: None where it could not be decoded.
+            expected: where the frames before say that objects are, (n, 4) in stored pixels.
+        """
 
 
 def make_detector(config: DetectConfig, camera: CameraConfig, recorded: bool) -> Detector:

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from pipeline.detect.known import SIDE, Known, Place, place
 from pipeline.detect.people import BoxArray, PersonScale
 from pipeline.picture import Image
 
@@ -27,8 +28,8 @@ STACKED = 1.45
 # Heads are 0.13 wide, so that two that are seen are no nearer; between them the outline falls by most of
 # a head.
 HEADS_APART, VALLEY, LOWEST_HEAD = 0.14, 0.1, 0.6
+HEAD = 0.1  # what is seen, at least, of a head above another
 TRUNK = (0.45, 1.0)  # above the feet
-SIDE = 0.17  # of the axis, that a person accounts for
 REACH = 0.33  # of the axis, that legs and arms reach
 SPINE = 0.08  # of the axis, that is filled from head to hip
 FILLED = 0.5  # of that: it is a person
@@ -40,6 +41,7 @@ REST = 0.3  # of the height, that must be left over to be somebody
 FOOT = 0.06  # of the height: the fewest pixels in a row that are a foot, and how much is one
 STRIDE = 0.4  # of the height: what a leg reaches up from a foot that is beside the body
 MOST = 12  # tries, at people in one silhouette
+NOBODY = Known(*np.empty((3, 0)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +57,14 @@ class Pieces:
         return Pieces(box[None], np.zeros((1, 2), dtype=bool))
 
 
-def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale) -> Pieces:
+def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale, known: Known = NOBODY) -> Pieces:
     """Cut silhouettes of several people into one box each, as far as they can be told apart.
 
     Args:
         boxes: (n, 4) in pixels of the mask.
         mask: 255 where something stands before the background.
         scale: how tall a person is; if that is not known nothing is cut.
+        known: who must be where.
     """
     whole = Pieces(boxes, np.zeros((len(boxes), 2), dtype=bool))
     if not scale.known or not len(boxes):
@@ -69,11 +72,18 @@ def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale) -> Pieces:
     expected = scale.height_px(boxes[:, 3], boxes[:, [0, 2]].mean(axis=1))
     size = boxes[:, 2:] - boxes[:, :2]
     large = (size[:, 0] > WIDE * expected) | (size[:, 1] > STACKED * expected)
-    if not large.any():
+    inside = known.within(boxes)
+    together = inside.sum(axis=1) > 1
+    doubtful = large | together
+    if not doubtful.any():
         return whole
-    found, unseen = [boxes[~large]], [whole.unseen[~large]]
-    for box in boxes[large]:
-        pieces = _explained(box, mask, scale) if _several(box, mask, scale) else Pieces.whole(box)
+    found, unseen = [boxes[~doubtful]], [whole.unseen[~doubtful]]
+    for i in np.flatnonzero(doubtful).tolist():
+        box = boxes[i]
+        if together[i] or _several(box, mask, scale):
+            pieces = _explained(box, mask, scale, known.take(inside[i]))
+        else:
+            pieces = Pieces.whole(box)
         found.append(pieces.boxes)
         unseen.append(pieces.unseen)
     return Pieces(np.concatenate(found), np.concatenate(unseen))
@@ -100,18 +110,30 @@ def _several(box: BoxArray, mask: Image, scale: PersonScale) -> bool:
     return False
 
 
-def _explained(box: BoxArray, mask: Image, scale: PersonScale) -> Pieces:
+def _explained(box: BoxArray, mask: Image, scale: PersonScale, known: Known) -> Pieces:
     """Return the people in one silhouette, or the silhouette as it is if none is found in it."""
     x0, y0, x1, y1 = (int(v) for v in box)
     full = mask[y0:y1, x0:x1]
     rest = full.copy()
     boxes: list[tuple[int, int, int, int]] = []
     unseen: list[tuple[bool, bool]] = []
+    placed: list[Place] = []
+    rows = mask.shape[0] - y0  # down to the picture's edge
+    for column, foot, tall in zip(*(v.tolist() for v in known), strict=True):
+        at = place(full, rest, column - x0, foot - y0, tall)
+        if at is None or any(_same_head(at, other, tall) for other in placed):
+            continue
+        placed.append(at)
+        left, right = max(at.axis - round(REACH * tall), 0), at.axis + round(REACH * tall) + 1
+        boxes.append((left, max(at.top, -y0), min(right, x1 - x0), min(at.bottom, rows)))
+        unseen.append((at.top_unseen, at.bottom_unseen))
+        side = round(SIDE * tall)
+        rest[max(at.top, 0) : at.bottom, max(at.axis - side, 0) : at.axis + side + 1] = 0
     for _ in range(MOST):
-        foot = _lowest(rest, (x0, y0), scale)
-        if foot is None:
+        lowest = _lowest(rest, (x0, y0), scale)
+        if lowest is None:
             break
-        row, column, tall = foot
+        row, column, tall = lowest
         axis = _axis(rest, row, column, tall)
         if axis is None:
             # no body stands on it: a shadow, or the foot of somebody's stride
@@ -131,6 +153,13 @@ def _explained(box: BoxArray, mask: Image, scale: PersonScale) -> Pieces:
         return Pieces.whole(box)
     corner = np.array([x0, y0, x0, y0], dtype=np.intp)
     return Pieces(np.array(_apart(boxes), dtype=np.intp) + corner, np.array(unseen))
+
+
+def _same_head(one: Place, other: Place, tall: float) -> bool:
+    """Return whether two heads are nearer to each other than two heads can be seen."""
+    return abs(one.axis - other.axis) < HEADS_APART * tall and abs(one.top - other.top) < (
+        HEAD * tall
+    )
 
 
 def _lowest(
@@ -211,7 +240,7 @@ def _left_over(
         # somebody must be before the feet, or the feet would be seen
         below = [p for p in people if p[0] < x + width and p[2] > x and p[3] > y + height]
         if below:
-            found.append((x, y, x + width, y + height))
+            found.append((x, y, x + width, y + round(tall)))
     return found
 
 

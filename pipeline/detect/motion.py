@@ -19,12 +19,13 @@ from pipeline.config import DetectConfig
 from pipeline.detect.background import Background
 from pipeline.detect.ends import Unshaded, ends_of
 from pipeline.detect.ghosts import Box, Ghosts
-from pipeline.detect.groups import Pieces, split_groups
+from pipeline.detect.groups import NOBODY, Pieces, split_groups
+from pipeline.detect.known import Known
 from pipeline.detect.people import PERSON_ASPECT, PersonScale, join_parts
 from pipeline.detect.repair import repair
 from pipeline.detect.shadow import UNIT, ShadowLight
 from pipeline.picture import Image, Picture
-from pipeline.records import Boxes, Frame
+from pipeline.records import Boxes, FloatArray, Frame
 
 # Noise is less in the mean of 3 x 3 pixels; a person of a twentieth of the picture is wider than that.
 SOFT_PX = (3, 3)
@@ -91,7 +92,9 @@ class MotionDetector:
             seen = self._foreground(image, self._background.relit(image))
             self._teach(self._silhouettes(seen), seen)
 
-    def detect(self, frame: Frame, picture: Picture | None) -> Boxes:
+    def detect(
+        self, frame: Frame, picture: Picture | None, expected: FloatArray | None = None
+    ) -> Boxes:
         """Return what stands before the background."""
         if picture is None:
             return Boxes.empty()
@@ -104,7 +107,10 @@ class MotionDetector:
         background = self._background
         reference = background.relit(image)
         seen = self._foreground(image, reference)
-        found = self._silhouettes(seen)
+        known = NOBODY
+        if expected is not None and len(expected):
+            known = Known.of_boxes((expected + 0.5) / picture.reduction)
+        found = self._silhouettes(seen, known)
         self._teach(found, seen)
         time_s = frame.capture_time_ns / 1e9
         if background.follow(image, seen.occupied, time_s):
@@ -141,7 +147,7 @@ class MotionDetector:
                 cv2.subtract(mask[part], shade, dst=mask[part])
         return Foreground(mask, raw, differs, occupied, outlined)
 
-    def _silhouettes(self, seen: Foreground) -> Silhouettes:
+    def _silhouettes(self, seen: Foreground, known: Known = NOBODY) -> Silhouettes:
         """Return what is connected, or belongs together, one person each."""
         mask = seen.mask
         # Where nothing was taken for shadow, outlines are those that are known.
@@ -160,7 +166,8 @@ class MotionDetector:
             boxes, doubt = repair(boxes, mask, seen.raw, self._people)
         size = np.array([mask.shape[1], mask.shape[0]])
         inside = (boxes[:, :2] > 1).all(axis=1) & (boxes[:, 2:] < size - 1).all(axis=1)
-        return Silhouettes(split_groups(boxes, mask, self._people), boxes[inside & ~doubt])
+        pieces = split_groups(boxes, mask, self._people, known)
+        return Silhouettes(pieces, boxes[inside & ~doubt])
 
     def _teach(self, found: Silhouettes, seen: Foreground) -> None:
         """Learn how tall people are from those of whom all is seen."""
@@ -177,8 +184,11 @@ class MotionDetector:
         for box, ends, unseen in zip(boxes, all_ends, pieces.unseen.tolist(), strict=True):
             if ends is None or ends[0][3] - ends[0][1] < self._min_height * mask.shape[0]:
                 continue
-            edges.append(ends[0])
             tall = ends[0][3] - ends[0][1]
+            for end, hidden in zip((1, 3), unseen, strict=True):
+                if hidden:
+                    ends[0][end] = float(box[end])
+            edges.append(ends[0])
             loose = [0.0, unseen[0] * UNSEEN_STD * tall, 0.0, unseen[1] * UNSEEN_STD * tall]
             spreads.append([hypot(*pair) for pair in zip(ends[1], loose, strict=True)])
             scores.append(_score(differs, mask, box))

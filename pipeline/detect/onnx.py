@@ -105,7 +105,9 @@ class OnnxDetector:
     def learn(self, pictures: Sequence[Picture]) -> None:
         """Learn nothing."""
 
-    def detect(self, frame: Frame, picture: Picture | None) -> Boxes:
+    def detect(
+        self, frame: Frame, picture: Picture | None, expected: FloatArray | None = None
+    ) -> Boxes:
         """Return the objects of the configured classes."""
         if picture is None:
             return Boxes.empty()

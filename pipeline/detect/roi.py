@@ -46,7 +46,9 @@ class RoiDetector:
     def learn(self, pictures: Sequence[Picture]) -> None:
         """Learn nothing."""
 
-    def detect(self, frame: Frame, picture: Picture | None) -> Boxes:
+    def detect(
+        self, frame: Frame, picture: Picture | None, expected: FloatArray | None = None
+    ) -> Boxes:
         """Return the object's box, or none if nothing stands out in the region."""
         if picture is None:
             return Boxes.empty()

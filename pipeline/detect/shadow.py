@@ -32,6 +32,9 @@ DARKEST, BRIGHTEST = 0.33, 0.82
 # the silhouettes. Without sun, simulated scenes and `street` have up to 0.08, at half of the height.
 MIN_SHARE = 0.085
 LOW = 0.43
+# With the sun ahead of a steep camera, shadows fall upwards and reach as high as heads: a peak that
+# so large a share of the foreground is in is no clothing, if it lies no higher than bodies do.
+CLEAR_SHARE, CLEAR_LOW = 0.2, 0.55
 MIN_PIXELS = 2000
 REFIT_EVERY = 12  # lessons
 FADE = 0.98  # of the histogram, a lesson: the sun comes and goes
@@ -101,7 +104,7 @@ class ShadowLight:
         members = cube[window]
         share = members.sum() / total
         height = self._height.reshape(cube.shape)[window].sum() / members.sum()
-        if share < MIN_SHARE or height > LOW:
+        if share < MIN_SHARE or height > (LOW if share < CLEAR_SHARE else CLEAR_LOW):
             return
         places = np.stack(np.meshgrid(*(np.arange(a - 1, a + 2) for a in at), indexing="ij"))
         middle = (places * members).sum(axis=(1, 2, 3)) / members.sum()
