@@ -203,9 +203,10 @@ def freedom(x: FloatArray, sample: Sample, scale: Scale) -> float:
     """
     typical = x[:-1].copy()
     typical[PEOPLE:] = scale.mean_m * np.exp(x[MEAN])
-    slope = head_slopes(typical, sample)[:, -1]
-    sharp = np.bincount(sample.track, slope**2, sample.people) + scale.std_m**-2
-    return float(0.5 * np.log(sharp * scale.std_m**2).sum())
+    by_log = head_slopes(typical, sample)[:, -1] * typical[PEOPLE:][sample.track]
+    relative = scale.std_m / scale.mean_m
+    sharp = np.bincount(sample.track, by_log**2, sample.people) + relative**-2
+    return float(0.5 * np.log(sharp * relative**2).sum())
 
 
 def _as_residual(cost: float) -> float:

@@ -1,9 +1,10 @@
 """What the fit of a pose to walkers compares, and how that changes with what is unknown.
 
 The residuals: the rows of the heads beside those that feet, heights and pose give; statures beside
-what is expected of them; what is known of the lens, the place and its distances. The Jacobian is
-analytic and sparse: a head depends on the pose and on one person. With P the row of a head, c and s the
-cosine and sine of the tilt,
+what is expected of them; what is known of the lens, the place and its distances. Statures are compared
+by their logarithms: by their differences a smaller scene would fit better for nothing else than being
+small, the more so the more people there are. The Jacobian is analytic and sparse: a head depends on the
+pose and on one person. With P the row of a head, c and s the cosine and sine of the tilt,
 
     P = (Z y_f - T c) / D,   D = Z - T s
     dP/dZ = T (c - y_f s) / D^2,   dP/dT = -Z (c - y_f s) / D^2,   dP/dt = T (s + P c) / D
@@ -120,8 +121,8 @@ def residuals(x: FloatArray, sample: Sample, scale: Scale) -> FloatArray:
     error = (y_h - predict(x, sample)) / sample.sigma
     # Feet above the horizon have no place on the ground.
     error = np.where(np.isfinite(error), error, IMPOSSIBLE) * np.sqrt(sample.weight)
-    mean_m = scale.mean_m * np.where(scale.of_population, np.exp(x[MEAN]), 1.0)
-    people = (x[PEOPLE:] - mean_m) / scale.std_m
+    mean = np.log(scale.mean_m) + np.where(scale.of_population, x[MEAN], 0.0)
+    people = (np.log(x[PEOPLE:]) - mean) * scale.mean_m / scale.std_m
     few = [x[unknown] / std for unknown, std in scale.few]
     edges = scale.uprights.off(x[TILT], x[ROLL], x[BEND])
     return np.concatenate([error, people, few, _distance_errors(x, scale), edges])
@@ -134,8 +135,8 @@ def jacobian(x: FloatArray, sample: Sample, scale: Scale) -> csr_matrix:
     values, columns, counts = [head_slopes(x, sample)], [], [np.full(heads, len(_OF_A_HEAD) + 1)]
     shared = np.broadcast_to(_OF_A_HEAD, (heads, len(_OF_A_HEAD)))
     columns.append(np.column_stack([shared, PEOPLE + sample.track]))
-    mean = -np.where(scale.of_population, scale.mean_m * np.exp(x[MEAN]), 0.0)
-    values.append(np.column_stack([mean, np.ones(people)]) / scale.std_m[:, None])
+    by_people = np.column_stack([-scale.of_population.astype(np.float64), 1.0 / x[PEOPLE:]])
+    values.append(by_people * (scale.mean_m / scale.std_m)[:, None])
     columns.append(np.column_stack([np.full(people, MEAN), of_person]))
     counts.append(np.full(people, 2))
     values.append(np.array([1.0 / std for _, std in scale.few]))

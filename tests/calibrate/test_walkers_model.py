@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize._numdiff import approx_derivative
 
 from pipeline.calibrate.upright import NO_UPRIGHTS, Uprights
-from pipeline.calibrate.walkers_model import PEOPLE, Sample, Scale, jacobian, residuals
+from pipeline.calibrate.walkers_model import (
+    ABOVE,
+    MEAN,
+    PEOPLE,
+    Sample,
+    Scale,
+    jacobian,
+    residuals,
+)
 
 PEOPLE_SEEN, EACH = 5, 7
 
@@ -74,3 +84,23 @@ def test_what_cannot_be_on_the_ground_pulls_nowhere() -> None:
     assert np.isfinite(slopes).all()
     assert not slopes[0].any()
     assert slopes[1].any()
+
+
+def test_a_smaller_scene_fits_as_well_but_for_its_mean_stature() -> None:
+    random = np.random.default_rng(3)
+    sample = _sample(random)
+    scale = _scale(random, NO_UPRIGHTS)
+    alike = replace(
+        scale,
+        of_population=np.ones(PEOPLE_SEEN, dtype=bool),
+        points=np.empty((0, 2, 2)),
+        distance_m=np.empty(0),
+        distance_std=np.empty(0),
+    )
+    x = np.array([np.log(4.0), 0.3, 0.05, 0.02, 0.01, 0.1, 0.03, *random.uniform(1.5, 1.9, 5)])
+    smaller = x.copy()
+    smaller[[ABOVE, MEAN]] -= 0.1
+    smaller[PEOPLE:] *= np.exp(-0.1)
+    changed = ~np.isclose(residuals(smaller, sample, alike), residuals(x, sample, alike))
+    mean = len(sample.track) + PEOPLE_SEEN + [unknown for unknown, _ in alike.few].index(MEAN)
+    assert np.flatnonzero(changed).tolist() == [mean]
