@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -251,7 +252,7 @@ def test_a_database_that_cannot_be_prepared_ends_the_run(
         measured.append(path)
         return measure(path, *rest, **named)
 
-    def refuse(store: Store) -> None:
+    def refuse(store: Store, views: Collection[str] = ()) -> None:
         raise StoreError("no room for tables")
 
     monkeypatch.setattr(pipeline.one_recording, "measure_recording", seen)

@@ -18,7 +18,7 @@ from pipeline.store.upgrade import upgrade_tables
 # need no new version.
 SCHEMA_VERSION = 3
 
-_PARTIAL = "some of the views"  # in the place of a hash: whoever opens it makes the others
+_PARTIAL = "some of the views, "  # before the hash: whoever opens it makes the others
 _VERSION_TABLE = """
 CREATE TABLE IF NOT EXISTS schema_version (version INTEGER NOT NULL, sql_sha256 VARCHAR NOT NULL);
 COMMENT ON TABLE schema_version IS 'One row: which tables and views this database has.';
@@ -35,28 +35,36 @@ def apply_schema(connection: duckdb.DuckDBPyConnection, only: Collection[str] = 
         only: the views that it is to have, with those that they need; none named is all.
     """
     connection.execute(_VERSION_TABLE)
-    if is_current(connection):
+    made = _made(connection)
+    if made == _digest():
         return
     tables, functions = _first_scripts()
-    upgrade_tables(connection, tables)
-    connection.execute(tables)
-    connection.execute(functions)
     wanted = _with_needed(only)
+    # Where tables are there already nothing touches them: somebody may be writing rows meanwhile.
+    if made != _PARTIAL + _digest():
+        upgrade_tables(connection, tables)
+        connection.execute(tables)
+        connection.execute(functions)
     for name, script in view_scripts():
         if not only or name in wanted:
             connection.execute(script)
     if not only:
         _comment_view_columns(connection, re.findall(r"CREATE TABLE IF NOT EXISTS (\w+)", tables))
     connection.execute("DELETE FROM schema_version")
-    digest = _PARTIAL if only else _digest()
+    digest = (_PARTIAL if only else "") + _digest()
     connection.execute("INSERT INTO schema_version VALUES (?, ?)", [SCHEMA_VERSION, digest])
 
 
 def is_current(connection: duckdb.DuckDBPyConnection) -> bool:
     """Whether the tables and views of a database are those of this version."""
+    return _made(connection) == _digest()
+
+
+def _made(connection: duckdb.DuckDBPyConnection) -> str | None:
+    """Return by which SQL the tables and views were made."""
     # All of it is fetched: while a result is open the connection takes no other statement.
     found = connection.execute("SELECT sql_sha256 FROM schema_version").fetchall()
-    return found == [(_digest(),)]
+    return str(found[0][0]) if len(found) == 1 else None
 
 
 @cache
