@@ -8,16 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.estimate import smoother
-from pipeline.estimate.smoother import ACCELERATION_DENSITY, SPEED_STD_M_S, smooth_tracks
+from pipeline.estimate.filters import ACCELERATION_DENSITY, FAR_M, SPEED_STD_M_S
+from pipeline.estimate.smoother import DEGREES_OF_FREEDOM, REWEIGHTINGS, smooth_tracks
 
-FAR_M = 30.0  # near enough for one large matrix to be inverted well
+NEAR_M = 30.0  # near enough for one large matrix to be inverted well
 
 
 def by_one_matrix(time_s: np.ndarray, seen: np.ndarray, noise: np.ndarray) -> tuple:
     """Condition the joint normal of all states on all observations at once."""
     n = len(time_s)
     joint = np.zeros((4 * n, 4 * n))
-    joint[:4, :4] = np.diag([FAR_M**2, FAR_M**2, SPEED_STD_M_S**2, SPEED_STD_M_S**2])
+    joint[:4, :4] = np.diag([NEAR_M**2, NEAR_M**2, SPEED_STD_M_S**2, SPEED_STD_M_S**2])
     for k in range(1, n):
         dt = time_s[k] - time_s[k - 1]
         move = np.eye(4)
@@ -54,6 +55,68 @@ def test_it_is_the_posterior_of_the_model(seed: int, count: int) -> None:
     np.testing.assert_allclose(found.position_m, mean[:, :2], atol=2e-4)
     np.testing.assert_allclose(found.velocity_m_s, mean[:, 2:], atol=2e-3)
     np.testing.assert_allclose(found.covariance, spread, atol=2e-4)
+
+
+def by_the_book(time_s: np.ndarray, seen: np.ndarray, noise: np.ndarray) -> tuple:
+    """Filter and smooth one track, one observation after another, in matrices of four by four."""
+    n, look = len(time_s), np.eye(2, 4)
+    weight = np.ones(n)
+    known = np.isfinite(seen).all(axis=1)
+    for _ in range(REWEIGHTINGS):
+        ahead, after = [], []
+        x = np.array([*np.nan_to_num(seen[0]), 0.0, 0.0])
+        p = np.diag([FAR_M**2, FAR_M**2, SPEED_STD_M_S**2, SPEED_STD_M_S**2])
+        for k in range(n):
+            if k:
+                move, driven = motion_over(time_s[k] - time_s[k - 1])
+                x, p = move @ x, move @ p @ move.T + driven
+            ahead.append((x, p))
+            if known[k]:
+                r = noise[k] / weight[k]
+                gain = np.linalg.solve(look @ p @ look.T + r, look @ p).T
+                kept = np.eye(4) - gain @ look
+                x, p = x + gain @ (seen[k] - look @ x), kept @ p @ kept.T + gain @ r @ gain.T
+            after.append((x, p))
+        smooth = [after[-1]]
+        for k in range(n - 2, -1, -1):
+            move, _ = motion_over(time_s[k + 1] - time_s[k])
+            back = np.linalg.solve(ahead[k + 1][1], move @ after[k][1]).T
+            x = after[k][0] + back @ (smooth[-1][0] - ahead[k + 1][0])
+            p = after[k][1] + back @ (smooth[-1][1] - ahead[k + 1][1]) @ back.T
+            smooth.append((x, p))
+        state = np.array([x for x, _ in smooth[::-1]])
+        spread = np.array([p for _, p in smooth[::-1]])
+        off = np.where(known[:, None], seen - state[:, :2], 0.0)
+        far = np.array([d @ np.linalg.solve(r, d) for d, r in zip(off, noise, strict=True)])
+        fits = (DEGREES_OF_FREEDOM + 2) / (DEGREES_OF_FREEDOM + far)
+        weight = np.where(known, np.minimum(fits, 1.0), 1.0)
+    return state, spread, weight
+
+
+def motion_over(dt: float) -> tuple[np.ndarray, np.ndarray]:
+    one = np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]) * ACCELERATION_DENSITY
+    return np.kron([[1.0, dt], [0.0, 1.0]], np.eye(2)), np.kron(one, np.eye(2))
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 30), st.booleans())
+def test_it_is_the_filter_of_the_book(seed: int, count: int, coupled: bool) -> None:
+    random = np.random.default_rng(seed)
+    time_s = np.cumsum(random.uniform(0.02, 0.5, count))
+    seen = np.cumsum(random.normal(0, 0.3, (count, 2)), axis=0)
+    seen[1:][random.random(count - 1) < 0.2] = np.nan
+    if coupled:  # along the line of sight, and hardly across
+        ray = np.array([random.uniform(-0.6, 0.6), 1.0]) * random.uniform(0.05, 2.0, (count, 1))
+        noise = ray[:, :, None] * ray[:, None, :] + np.diag([1e-3, 1e-5])
+    else:
+        noise = random.uniform(1e-3, 1.0, (count, 2, 1)) * np.eye(2)
+    found = smooth_tracks(np.zeros(count, np.int64), time_s, seen, noise)
+    state, spread, weight = by_the_book(time_s, seen, noise)
+    np.testing.assert_allclose(found.position_m, state[:, :2], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.velocity_m_s, state[:, 2:], rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(found.covariance, spread[:, :2, :2], rtol=1e-8, atol=1e-9)
+    of_velocity = (spread[:, 2, 2] + spread[:, 3, 3]) / 2
+    np.testing.assert_allclose(found.velocity_variance, of_velocity, rtol=1e-8)
+    np.testing.assert_allclose(found.weight, weight, rtol=1e-7)
 
 
 def walks(random: np.random.Generator, tracks: int) -> tuple:
