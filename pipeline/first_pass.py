@@ -176,10 +176,12 @@ class FirstPass:
                 self.batch.append(self._keep(self._follow(item), pool))
                 if len(self.batch) >= BATCH_FRAMES:
                     self._write_batch(parts)
+            stages = list(self.stages.values())
+            lines = pool.map(lambda stage: stage.backdrop.lines(stage.camera), stages)
             self._write_batch(parts)
-            for stage in self.stages.values():
+            for stage, edges in zip(stages, lines, strict=True):
                 parts.write("tracks", stage.tracker.tracks())
-                parts.write("background_lines", stage.backdrop.lines(stage.camera))
+                parts.write("background_lines", edges)
                 parts.write("cameras", self._camera_row(stage))
             self._note_absences()
             parts.write("diagnostics", diagnostics_table(list(self.notes)))

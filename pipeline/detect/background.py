@@ -45,6 +45,7 @@ class Background:
         self.mean_u8: Image = cv2.convertScaleAbs(self._mean)
         limit = cv2.convertScaleAbs(self._spread, alpha=SPREADS)
         self._limit: Image = cv2.max(limit, MIN_DIFFERENCE)
+        self._sample = _sampled(self.mean_u8)
 
     def difference(self, picture: Image, reference: Image) -> Image:
         """Return how much a picture differs from the background as it is now lit, (h, w)."""
@@ -56,11 +57,9 @@ class Background:
 
     def relit(self, picture: Image) -> Image:
         """Return the background at the brightness of this picture (clouds, automatic exposure)."""
-        step = max(2, picture.shape[1] // 32)  # green alone stands for the brightness
-        now = picture[::step, ::step, 1].astype(np.float32)
-        then = self.mean_u8[::step, ::step, 1].astype(np.float32)
-        ratio = np.sort((now + 8) / (then + 8), axis=None)
-        gain = float(ratio[len(ratio) // 2])
+        ratio = (_sampled(picture) / self._sample).ravel()
+        middle = len(ratio) // 2
+        gain = float(np.partition(ratio, middle)[middle])
         if abs(gain - 1.0) < 0.01:
             return self.mean_u8
         return cv2.convertScaleAbs(self.mean_u8, alpha=gain)
@@ -95,6 +94,7 @@ class Background:
         x0, y0, x1, y1 = box
         self._mean[y0:y1, x0:x1] = picture[y0:y1, x0:x1]
         self.mean_u8[y0:y1, x0:x1] = picture[y0:y1, x0:x1]
+        self._sample = _sampled(self.mean_u8)
 
 
 def largest(image: Image | cv2.typing.MatLike, planes: list[Image] | None = None) -> Image:
@@ -105,6 +105,12 @@ def largest(image: Image | cv2.typing.MatLike, planes: list[Image] | None = None
     """
     blue, green, red = cv2.split(image, planes)
     return np.asarray(cv2.max(cv2.max(blue, green), red), np.uint8)
+
+
+def _sampled(picture: Image) -> FloatImage:
+    """Return some of the green pixels, which stand for the brightness; dark ones tell little of it."""
+    step = max(2, picture.shape[1] // 32)
+    return picture[::step, ::step, 1].astype(np.float32) + 8
 
 
 def _remedian(images: list[Image]) -> Image:
