@@ -20,9 +20,9 @@ from pipeline.calibrate.from_truth import (
     says_nothing,
     size_priors_from_truth,
 )
+from pipeline.calibrate.known import NOTHING_KNOWN, Known
 from pipeline.calibrate.lens_row import known_lens
 from pipeline.calibrate.truth_table import truth_table
-from pipeline.calibrate.walkers import NOTHING_KNOWN, Known
 from pipeline.config import CameraConfig, Config, SizePrior
 from pipeline.errors import CalibrationUndetermined, StoreError, UsageError, Where
 from pipeline.estimate.combine import calibrations_table, measured_by_camera

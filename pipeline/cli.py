@@ -18,7 +18,7 @@ from pipeline import __version__
 from pipeline.errors import StadimeterError, UsageError, Where
 
 if TYPE_CHECKING:
-    from pipeline.calibrate.walkers import Known
+    from pipeline.calibrate.known import Known
     from pipeline.config import Config, DetectConfig, TimelineConfig
 
 DONE, FAILED, USAGE, DAMAGED = 0, 1, 2, 3
@@ -443,7 +443,7 @@ def _calibrate(arguments: argparse.Namespace) -> int:
 def _known(arguments: argparse.Namespace) -> Known:
     import numpy as np
 
-    from pipeline.calibrate.walkers import Known, KnownDistance, KnownHeight
+    from pipeline.calibrate.known import Known, KnownDistance, KnownHeight
 
     heights, distances = [], []
     for text in arguments.known_height:

@@ -19,11 +19,8 @@ import pyarrow.compute as pc
 
 from pipeline.calibrate.focal import calibrate_stored
 from pipeline.calibrate.lens_row import known_lens, with_found
-from pipeline.calibrate.walkers import (
-    MIN_OBSERVATIONS,
-    WalkersReport,
-    spread_people,
-)
+from pipeline.calibrate.walkers import WalkersReport
+from pipeline.calibrate.walkers_sample import MIN_OBSERVATIONS, spread_people
 from pipeline.config import CameraConfig, Config
 from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate.batches import Tracks

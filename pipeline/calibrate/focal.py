@@ -22,30 +22,24 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import csr_matrix, hstack, vstack
 
+from pipeline.calibrate.known import NOTHING_KNOWN, Known, check_known, scale_of
 from pipeline.calibrate.pace import Pace, pace_of
 from pipeline.calibrate.upright import NO_UPRIGHTS, Uprights
 from pipeline.calibrate.walkers import (
     MAX_REJECTIONS,
     MIN_PEOPLE,
-    NOTHING_KNOWN,
     REFINEMENTS,
-    Known,
     WalkersReport,
     are_alike,
     best_fit,
     calibrate_from_walkers,
     check_determined,
     check_enough,
-    check_known,
-    chosen_tracks,
-    covariance_of,
-    only,
     plane_of,
     report_of,
-    sample_of,
-    scale_of,
     uprights_at,
 )
+from pipeline.calibrate.walkers_covariance import ROBUST, covariance_of
 from pipeline.calibrate.walkers_model import (
     ABOVE,
     MEAN,
@@ -59,6 +53,7 @@ from pipeline.calibrate.walkers_model import (
     jacobian,
     residuals,
 )
+from pipeline.calibrate.walkers_sample import chosen_tracks, only, sample_of
 from pipeline.config import SizePrior
 from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate.columns import Measured
@@ -76,7 +71,6 @@ MAX_FOCAL_ERROR = 0.2
 # a place where people walk a few per cent faster one way than the other.
 MODEL_STD = 0.05  # relative
 LOW, HIGH = -1.6, 1.9  # q about the usual view: 145 to 11 degrees
-ROBUST = 1.5  # deviations beyond which a residual counts less than its square
 STEP = 1e-5  # of q, for its derivative
 
 
@@ -122,7 +116,8 @@ def calibrate_lens_from_walkers(
             sample, prior, known, measured, uprights, [0.0], start, _at_zero(pose)
         )
         best.x[-1] += start
-    return _result(best, sample, uprights, measured, size_px)
+    scale = scale_of(sample, prior, known, measured, uprights)
+    return _result(best, sample, scale, measured, size_px)
 
 
 def calibrate_stored(
@@ -279,13 +274,13 @@ def _fit_alike(
 def _result(
     best: OptimizeResult,
     sample: Sample,
-    uprights: Uprights,
+    scale: Scale,
     measured: Measured,
     size_px: tuple[int, int],
 ) -> tuple[FoundLens, GroundPlane, WalkersReport]:
     found_px = focal_px(USUAL_VIEW_RAD, size_px[0]) * float(np.exp(best.x[-1]))
     wanted = (ABOVE, TILT, ROLL, len(best.x) - 1)
-    covariance = covariance_of(best, sample, uprights, wanted)
+    covariance = covariance_of(best, sample, scale, wanted)
     covariance[3, 3] += MODEL_STD**2
     relative = float(np.sqrt(covariance[3, 3]))
     if not relative < MAX_FOCAL_ERROR:
@@ -305,7 +300,7 @@ def _result(
     sample = scaled_to(sample, measured, found_px)
     std = np.sqrt(np.diag(plane.covariance))
     at_found = replace(measured, intrinsics=intrinsics)
-    report = report_of(_of_pose(best), sample, at_found, std, len(uprights))
+    report = report_of(_of_pose(best), sample, at_found, std, len(scale.uprights))
     return FoundLens(intrinsics, found_px * relative), plane, report
 
 

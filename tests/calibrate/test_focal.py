@@ -12,16 +12,12 @@ from scipy.optimize._numdiff import approx_derivative
 from bench.walkers import HEIGHT_PX, WIDTH_PX, Scene, scene, score, without_lens
 from pipeline.calibrate import focal
 from pipeline.calibrate.focal import calibrate_lens_from_walkers, focal_px, scaled
+from pipeline.calibrate.known import NOTHING_KNOWN, scale_of
 from pipeline.calibrate.pace import Pace, pace_of
 from pipeline.calibrate.upright import NO_UPRIGHTS
-from pipeline.calibrate.walkers import (
-    NOTHING_KNOWN,
-    best_fit,
-    chosen_tracks,
-    sample_of,
-    scale_of,
-)
+from pipeline.calibrate.walkers import best_fit
 from pipeline.calibrate.walkers_model import Sample, Scale
+from pipeline.calibrate.walkers_sample import chosen_tracks, sample_of
 from pipeline.config import ADULT
 from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate import ground
