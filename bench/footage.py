@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from pipeline.config import Config
 from pipeline.diagnostics import Notes
@@ -50,15 +51,27 @@ def street_pictures(count: int, size: Size = HD) -> list[bytes]:
     file = McapFile(STREET, config.limits, lambda note: None)
     frames = islice(FrameAssembler(file, config.ingest, Notes()), count)
     noise = np.random.default_rng(7)
-    pictures = []
-    for frame in frames:
-        small = cv2.imdecode(np.frombuffer(frame.image, np.uint8), cv2.IMREAD_COLOR)
-        large = cv2.resize(small, size, interpolation=cv2.INTER_CUBIC)
-        grain = noise.normal(0, 2.5, (size.height_px, size.width_px, 1))
-        noisy = np.clip(large + grain, 0, 255).astype(np.uint8)
-        _, encoded = cv2.imencode(".jpg", noisy, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-        pictures.append(encoded.tobytes())
-    return pictures
+    return [_jpeg(_enlarged(frame.image, size), noise) for frame in frames]
+
+
+def empty_street_pictures(count: int, size: Size = HD) -> list[bytes]:
+    """Return JPEGs of the street with nobody in it: the median of its pictures, with fresh grain."""
+    everyone = street_pictures(25, size)
+    pictures = [cv2.imdecode(np.frombuffer(p, np.uint8), cv2.IMREAD_COLOR) for p in everyone]
+    nobody = np.median(np.stack(pictures), axis=0)
+    noise = np.random.default_rng(11)
+    return [_jpeg(nobody, noise) for _ in range(count)]
+
+
+def _enlarged(image: bytes, size: Size) -> npt.NDArray[np.uint8]:
+    small = cv2.imdecode(np.frombuffer(image, np.uint8), cv2.IMREAD_COLOR)
+    return np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_CUBIC), np.uint8)
+
+
+def _jpeg(picture: npt.NDArray[Any], noise: np.random.Generator) -> bytes:
+    grain = noise.normal(0, 2.5, (*picture.shape[:2], 1))
+    noisy = np.clip(picture + grain, 0, 255).astype(np.uint8)
+    return cv2.imencode(".jpg", noisy, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
 
 
 def write_recording(path: Path, pictures: list[bytes], frames: int, size: Size = HD) -> None:

@@ -13,8 +13,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import deque
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -25,10 +26,22 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from bench import naive
-from bench.footage import FULL_HD, HD, Size, street_pictures, write_recording
+from bench.footage import (
+    FULL_HD,
+    HD,
+    Size,
+    empty_street_pictures,
+    street_pictures,
+    write_recording,
+)
+from pipeline.ahead import ahead
 from pipeline.config import MIN_SIDE_PX, Config
 from pipeline.console import out, print_rows
-from pipeline.first_pass import measure_recording
+from pipeline.diagnostics import Notes
+from pipeline.first_pass import READ_AHEAD_FRAMES, measure_recording
+from pipeline.ingest.frames import FrameAssembler
+from pipeline.ingest.mcap_records import McapFile
+from pipeline.picture import Picture, decode
 from pipeline.run import run
 from pipeline.stages import StageTimes
 
@@ -38,6 +51,7 @@ ROUNDS = 3
 CORES = os.cpu_count() or 1
 GREY, COLOUR, SCRIPT = "decode, grey", "decode, colour", "a user's script"
 RUN, RUN_LONG, RUN_RRD = "run", "run, long", "run --rrd, long"
+FLOOR, RUN_EMPTY = "read and decode, as the run", "run, long, nobody there"
 FLAGS = {
     GREY: cv2.IMREAD_GRAYSCALE,
     COLOUR: cv2.IMREAD_COLOR,
@@ -74,7 +88,9 @@ def _one_size(size: Size, folder: Path, rounds: int) -> None:
     kilobytes = np.mean([len(p) for p in pictures]) / 1e3
     what = f"{size.width_px}x{size.height_px}"
     out.print(f"JPEG of {what}, {kilobytes:.0f} KB a frame, {CORES} cores")
-    times = measure(_jobs(folder, pictures, short, long, script), rounds)
+    empty = folder / "empty.mcap"
+    write_recording(empty, empty_street_pictures(20, size), LONG, size)
+    times = measure(_jobs(folder, pictures, short, long, script, empty), rounds)
     _print_speed(what, times)
     _print_share_of_output(long, folder)
     _print_settings(size, short, folder)
@@ -83,7 +99,7 @@ def _one_size(size: Size, folder: Path, rounds: int) -> None:
 
 
 def _jobs(
-    folder: Path, pictures: list[bytes], short: Path, long: Path, script: Path
+    folder: Path, pictures: list[bytes], short: Path, long: Path, script: Path, empty: Path
 ) -> dict[str, Callable[[], object]]:
     def fresh() -> Path:
         (folder / "a.duckdb").unlink(missing_ok=True)
@@ -93,9 +109,11 @@ def _jobs(
         label: lambda flag=flag: decode_all(pictures, FRAMES, flag)  # type: ignore[misc]
         for label, flag in FLAGS.items()
     }
+    jobs[FLOOR] = lambda: read_and_decode(short)
     jobs[RUN] = lambda: run([short], fresh(), Config())
     jobs[RUN_LONG] = lambda: run([long], fresh(), Config())
     jobs[RUN_RRD] = lambda: run([long], fresh(), Config(), timelines=folder)
+    jobs[RUN_EMPTY] = lambda: run([empty], fresh(), Config())
     jobs[SCRIPT] = lambda: naive.main(script, folder / "c.duckdb")
     return jobs
 
@@ -108,6 +126,21 @@ def decode_all(pictures: list[bytes], frames: int, flag: int) -> None:
             lambda i: cv2.imdecode(arrays[i % len(arrays)], flag) is None, range(frames)
         ):
             pass
+
+
+def read_and_decode(recording: Path) -> None:
+    """Read and decode a recording as a run does, and do nothing else: no run can be faster."""
+    config = Config()
+    file = McapFile(recording, config.limits, lambda note: None)
+    frames = FrameAssembler(file, config.ingest, Notes())
+    waiting: deque[Future[Picture]] = deque()
+    with ThreadPoolExecutor(CORES) as pool:
+        for frame in ahead(frames, READ_AHEAD_FRAMES):
+            waiting.append(pool.submit(decode, frame.image, max_pixels=config.limits.image_pixels))
+            if len(waiting) > 2 * CORES + 2:
+                waiting.popleft().result()
+        for left in waiting:
+            left.result()
 
 
 def measure(jobs: dict[str, Callable[[], object]], rounds: int) -> dict[str, Took]:
@@ -125,7 +158,8 @@ def measure(jobs: dict[str, Callable[[], object]], rounds: int) -> dict[str, Too
 
 
 def _print_speed(what: str, times: dict[str, Took]) -> None:
-    frames = dict.fromkeys(times, FRAMES) | {RUN_LONG: LONG, RUN_RRD: LONG, SCRIPT: SCRIPT_FRAMES}
+    frames = dict.fromkeys(times, FRAMES) | dict.fromkeys((RUN_LONG, RUN_RRD, RUN_EMPTY), LONG)
+    frames[SCRIPT] = SCRIPT_FRAMES
     each = {
         label: Took(took.elapsed_s / frames[label], took.cpu_s / frames[label])
         for label, took in times.items()
@@ -153,6 +187,11 @@ def _print_speed(what: str, times: dict[str, Took]) -> None:
         f"a run's fixed cost: {fixed.elapsed_s:.2f} s, {fixed.cpu_s:.2f} s of a processor "
         "(a new database, libraries, the learning of the background)"
     )
+    out.print(
+        "to read and decode alone, as the run does, takes "
+        f"{each[FLOOR].elapsed_s / each[GREY].elapsed_s:.2f} times as long as to decode to grey, and "
+        f"{each[FLOOR].cpu_s / each[GREY].cpu_s:.2f} times the processor time"
+    )
     faster = each[SCRIPT].elapsed_s / each[RUN].elapsed_s
     out.print(
         f"{FRAMES} frames end to end: {faster:.1f} times as fast as the script; "
@@ -161,9 +200,10 @@ def _print_speed(what: str, times: dict[str, Took]) -> None:
 
 
 def _print_share_of_output(recording: Path, folder: Path) -> None:
+    begin = time.perf_counter()
     result = run([recording], folder / "share.duckdb", Config(), timelines=folder)
+    whole_s = time.perf_counter() - begin
     times = result.outcomes[0].times
-    whole_s = sum(times.spent[s].elapsed_s for s in times.spent if s != "decode")
     shares = {s: times.spent[s].elapsed_s / whole_s for s in ("store", "timeline")}
     out.print(
         f"of the time of `run --rrd`, {shares['store']:.1%} goes into the database and "
