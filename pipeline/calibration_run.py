@@ -20,6 +20,7 @@ from pipeline.calibrate.from_truth import (
     says_nothing,
     size_priors_from_truth,
 )
+from pipeline.calibrate.given import as_given
 from pipeline.calibrate.known import NOTHING_KNOWN, Known
 from pipeline.calibrate.lens_row import known_lens
 from pipeline.calibrate.truth_table import truth_table
@@ -139,7 +140,7 @@ def calibrate_stored_walkers(
             observations, frames, rows, _ = _tables(store, recording_id)
             edges = store.read("background_lines", recording_id)
             stored = {
-                row["camera"]: known_lens(row, config.camera_named(row["camera"]))
+                row["camera"]: known_lens(row, _unposed(config.camera_named(row["camera"])))
                 for row in rows.to_pylist()
             }
             table = pa.Table.from_pylist(list(stored.values()), schema=rows.schema)
@@ -158,7 +159,7 @@ def calibrate_stored_walkers(
         found = [f for n, f in results if n == name and isinstance(f, Found)]
         if found:
             lens, planes = _one_lens(found)
-            cameras.append(_camera(name, _combined(planes), lens))
+            cameras.append(as_given(name, _combined(planes), lens))
     if cameras:
         write_camera_file(camera_file, replace(config, camera=tuple(cameras)))
     return results
@@ -246,22 +247,9 @@ def _relative(found: Found) -> float:
     return found.lens.std_px / found.lens.intrinsics.fx_px if found.lens else math.inf
 
 
-def _camera(name: str, plane: GroundPlane, lens: FoundLens | None) -> CameraConfig:
-    k = lens.intrinsics if lens else None
-    std = np.sqrt(np.diag(plane.covariance))
-    return CameraConfig(
-        name,
-        camera_height_m=plane.camera_height_m,
-        camera_height_std_m=float(std[0]),
-        tilt_deg=math.degrees(plane.tilt_rad),
-        tilt_std_deg=math.degrees(std[1]),
-        roll_deg=math.degrees(plane.roll_rad),
-        roll_std_deg=math.degrees(std[2]),
-        fx_px=k.fx_px if k else math.nan,
-        fy_px=k.fy_px if k else math.nan,
-        cx_px=k.cx_px if k else math.nan,
-        cy_px=k.cy_px if k else math.nan,
-    )
+def _unposed(camera: CameraConfig) -> CameraConfig:
+    """Return the entry of a camera without the pose, which is looked for anew."""
+    return replace(camera, camera_height_m=math.nan)
 
 
 def _writable(database: Path) -> Store:

@@ -210,6 +210,9 @@ class CameraConfig:
     fy_px: float = NAN
     cx_px: float = NAN
     cy_px: float = NAN
+    focal_std_px: float = 0.0  # of a focal length that walkers told; 0: a calibration's
+    # of its error with those of height, tilt and roll
+    focal_correlation: tuple[float, ...] = ()
     distortion_model: str = ""
     distortion: tuple[float, ...] = ()
     camera_height_m: float = NAN
@@ -218,8 +221,16 @@ class CameraConfig:
     tilt_std_deg: float = 0.0
     roll_deg: float = 0.0
     roll_std_deg: float = 0.0
+    pose_correlation: tuple[float, ...] = ()  # height with tilt, height with roll, tilt with roll
     roi_xyxy_px: tuple[float, ...] = ()  # the paper's cropping: one object fills this region
     exposure: ExposureFields = ExposureFields()  # other channels, before what exposure messages say
+
+    def __post_init__(self) -> None:
+        """Refuse correlations that are none."""
+        for name in ("pose_correlation", "focal_correlation"):
+            given = getattr(self, name)
+            if given and not (len(given) == 3 and all(-1.0 <= v <= 1.0 for v in given)):
+                raise ValueError(f"{name} must be three numbers from -1 to 1, not {list(given)}")
 
 
 @dataclass(frozen=True, slots=True)

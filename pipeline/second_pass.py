@@ -18,10 +18,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.calibrate.focal import calibrate_stored
+from pipeline.calibrate.given import given_pose
 from pipeline.calibrate.lens_row import known_lens, with_found
 from pipeline.calibrate.walkers import WalkersReport
 from pipeline.calibrate.walkers_sample import MIN_OBSERVATIONS, spread_people
-from pipeline.config import CameraConfig, Config
+from pipeline.config import Config
 from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate.batches import Tracks
 from pipeline.estimate.columns import Measured
@@ -119,7 +120,7 @@ def _pose(
     As the camera file gives it, else by the recording's transforms, else from the people who walk.
     """
     name = camera.row["camera"]
-    given = given_pose(config.camera_named(name)) or recorded_pose(camera.row)
+    given = given_pose(config.camera_named(name), camera.row) or recorded_pose(camera.row)
     prior = config.stature
     if given is not None or prior is None:
         return given
@@ -145,26 +146,6 @@ def _to_learn_from(people: pa.Table) -> pa.Table:
     some = long if long.num_rows else people
     ids = some["track_id"].to_numpy()
     return some.filter(pc.is_in(some["track_id"], pa.array(spread_people(ids))))
-
-
-def given_pose(camera: CameraConfig) -> GroundPlane | None:
-    """Return the pose that a camera file gives, or None if it gives none."""
-    if math.isnan(camera.camera_height_m) or math.isnan(camera.tilt_deg):
-        return None
-    std = np.array(
-        [
-            camera.camera_height_std_m,
-            math.radians(camera.tilt_std_deg),
-            math.radians(camera.roll_std_deg),
-        ]
-    )
-    return GroundPlane(
-        camera.camera_height_m,
-        math.radians(camera.tilt_deg),
-        math.radians(camera.roll_deg),
-        np.diag(std**2),
-        "given",
-    )
 
 
 def recorded_pose(camera: Mapping[str, Any]) -> GroundPlane | None:

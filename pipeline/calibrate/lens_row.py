@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.calibrate.given import is_unsure
 from pipeline.config import CameraConfig
 from pipeline.ingest.lens import intrinsics_of, lens_of
 from pipeline.records import Exposure, FoundLens
@@ -18,12 +19,18 @@ _NO_LENS = dict.fromkeys(
 def known_lens(row: Mapping[str, Any], camera: CameraConfig) -> dict[str, Any]:
     """Return a stored camera with the lens that is known without its pose.
 
-    What was found from walkers is looked for again. What the recording does not tell may stand in the
-    camera file since its pictures were read.
+    What was found from walkers is looked for again, also where a camera file carries it without the
+    pose it goes with. What the recording does not tell may stand in the camera file since its pictures
+    were read.
     """
-    if row["fx_px"] is not None and row["intrinsics_source"] != "walkers":
-        return dict(row)
     bare = {**row, **_NO_LENS, "intrinsics_source": None}
+    posed = not math.isnan(camera.camera_height_m) and not math.isnan(camera.tilt_deg)
+    if row["fx_px"] is not None and row["intrinsics_source"] != "walkers":
+        if not is_unsure(camera, row):
+            return dict(row)
+        return {**row, "focal_std_px": camera.focal_std_px} if posed else bare
+    if camera.focal_std_px > 0 and not posed:
+        return bare
     width_px, height_px = row["width_px"], row["height_px"]
     if not (width_px and height_px):
         return bare
@@ -40,6 +47,7 @@ def known_lens(row: Mapping[str, Any], camera: CameraConfig) -> dict[str, Any]:
         "distortion_model": found.distortion_model,
         "distortion": list(found.distortion),
         "intrinsics_source": source,
+        "focal_std_px": (camera.focal_std_px or None) if source == "camera_file" else None,
     }
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from pipeline.calibrate.lens_row import known_lens, with_found
@@ -29,3 +31,17 @@ def test_the_camera_file_goes_before_walkers(row: dict[str, object]) -> None:
     known = known_lens(row, CameraConfig("a", fx_px=900.0))
     assert (known["fx_px"], known["fy_px"], known["cx_px"]) == (900.0, 900.0, 319.5)
     assert (known["intrinsics_source"], known["focal_std_px"]) == ("camera_file", None)
+
+
+UNSURE = CameraConfig("a", fx_px=700.0, focal_std_px=30.0)
+POSED = replace(UNSURE, camera_height_m=3.0, tilt_deg=20.0)
+
+
+@pytest.mark.parametrize("before", ["bare", "file"])
+def test_a_found_lens_in_a_camera_file_counts_with_the_pose_it_was_found_with(before: str) -> None:
+    of_file = known_lens(BARE, replace(POSED, focal_std_px=0.0))
+    row = BARE if before == "bare" else of_file
+    known = known_lens(row, POSED)
+    assert (known["fx_px"], known["focal_std_px"]) == (700.0, 30.0)
+    assert known["intrinsics_source"] == "camera_file"
+    assert known_lens(row, UNSURE) == BARE
