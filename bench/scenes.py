@@ -5,7 +5,8 @@
 Every camera is another seed of `recordings.simulate_walkers`: its pose, lens, place and crowd. The
 recording goes through detection, tracking, self-calibration and estimation as any other, and what
 comes out is compared with the truth. To tell causes apart the same recordings are worked four ways:
-boxes by the motion detector, or the true silhouettes; the pose found, or given.
+boxes by the motion detector, or the true silhouettes; the pose found, or given, and that exactly, so
+that its intervals are those of the boxes alone.
 
 A true silhouette is not a true foot: of a walker's two feet the nearer is the lower end of the box.
 What that costs is in the row with true boxes and the pose given.
@@ -154,11 +155,11 @@ def _true_camera(view: View) -> CameraConfig:
     return CameraConfig(
         CAMERA,
         camera_height_m=plane.camera_height_m,
-        camera_height_std_m=0.01,
+        camera_height_std_m=0.0,
         tilt_deg=math.degrees(plane.tilt_rad),
-        tilt_std_deg=0.02,
+        tilt_std_deg=0.0,
         roll_deg=math.degrees(plane.roll_rad),
-        roll_std_deg=0.02,
+        roll_std_deg=0.0,
     )
 
 

@@ -234,7 +234,7 @@ def score(simulated: Scene, plane: GroundPlane, method: Method = Method.FUSED) -
     """Return how good the estimates with this pose are."""
     measured = replace(simulated.measured, ground_plane=plane)
     quality = assess(measured)
-    geometry = with_reach(quality.applied(measured))
+    geometry = ground.with_scatter(with_reach(quality.applied(measured)))
     members = {
         Method.GROUND: ground.estimate(geometry),
         Method.SIZE: size.estimate(geometry, Config()),

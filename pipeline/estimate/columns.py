@@ -82,6 +82,7 @@ class Estimated:
     ground (right, ahead) where the pose is known, and across and along the axis where it is not.
     `depth_common_std_m` and `height_common_std_m` are the parts of `depth_std_m` and `height_std_m`
     that all frames of a track share (a calibration's error), so that they do not average out.
+    `height_doubt_m` is the part of `height_std_m` that is there because the track may be no one person.
     `height_assumed` is True where the height was put in rather than measured. `speed_m_s` is known
     where positions were smoothed.
     `in_calibrated_range` is 1, 0, or NaN where the calibration states no range.
@@ -94,6 +95,7 @@ class Estimated:
     height_m: FloatArray = field(init=False)
     height_std_m: FloatArray = field(init=False)
     height_common_std_m: FloatArray = field(init=False)
+    height_doubt_m: FloatArray = field(init=False)
     height_assumed: BoolArray = field(init=False)
     range_m: FloatArray = field(init=False)
     x_m: FloatArray = field(init=False)
@@ -106,7 +108,7 @@ class Estimated:
     def __post_init__(self) -> None:
         for name in ("depth_m", "depth_std_m", "height_m", "height_std_m"):
             setattr(self, name, np.full(self.count, NAN))
-        for name in ("depth_common_std_m", "height_common_std_m"):
+        for name in ("depth_common_std_m", "height_common_std_m", "height_doubt_m"):
             setattr(self, name, np.zeros(self.count))
         for name in ("range_m", "x_m", "y_m", "speed_m_s", "in_calibrated_range"):
             setattr(self, name, np.full(self.count, NAN))

@@ -17,6 +17,7 @@ from pipeline.estimate.columns import Boxes, Estimated, Measured
 from pipeline.estimate.gait import as_standing
 from pipeline.estimate.geometry import Geometry
 from pipeline.estimate.notes import Classes, not_applicable, outside_calibration
+from pipeline.estimate.one_person import with_doubt
 from pipeline.estimate.reach import with_reach
 from pipeline.estimate.tracks import track_heights
 from pipeline.quality import Quality, assess, with_track
@@ -154,8 +155,12 @@ def estimate_tracks(
     if made:
         by_ground = made.get(Method.GROUND)
         track = fused.beside_track(geometry.measured, by_ground, quality) if by_ground else None
-        quality = with_track(quality, track) if track else quality
+        if by_ground and track:
+            quality = with_track(quality, track)
+            with_doubt(geometry, by_ground, track, config.size_prior)
         best = fused.estimate(geometry, made, track)
+        if by_ground:
+            best.height_doubt_m = by_ground.height_doubt_m
         for member in made.values():
             as_standing(measured, member, best.speed_m_s, member.height_assumed)
         made[Method.FUSED] = best
@@ -184,7 +189,7 @@ def _apart(measured: Measured, config: Config) -> tuple[Quality, Geometry, dict[
     track that there is none by the ground, so this is kept.
     """
     quality = assess(measured)
-    geometry = with_reach(quality.applied(measured))
+    geometry = ground.with_scatter(with_reach(quality.applied(measured)))
     made = {method: run(geometry, config) for method, run in METHODS.items()}
     posed = measured.ground_plane is not None and measured.intrinsics is not None
     kept = {Method.GROUND} if posed else set()

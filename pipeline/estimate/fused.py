@@ -9,7 +9,7 @@
    position where the feet are hidden, and adds to it where they are not. Whose height in a frame is too
    small for the track has hidden feet there; whose is too large is not alone in the box.
 3. Positions are smoothed along the track. What frames have in common (the calibration's error) is not
-   made smaller by that, and errors of boxes are taken to repeat for half a second.
+   made smaller by that, and errors of boxes last as long as the track's heights say.
 4. The height in a frame is that at the smoothed position.
 """
 
@@ -22,9 +22,10 @@ import numpy.typing as npt
 import pandas as pd
 
 from pipeline.estimate.columns import BoolArray, Estimated, Measured
-from pipeline.estimate.gait import GAIT_STD_M, as_standing
+from pipeline.estimate.gait import as_standing
 from pipeline.estimate.geometry import Geometry
-from pipeline.estimate.repeats import independent_share
+from pipeline.estimate.head import use_head
+from pipeline.estimate.repeats import independent_share, interval_s
 from pipeline.estimate.smoother import smooth_tracks
 from pipeline.optics.ground_plane import ground_position_m, height_m, range_m
 from pipeline.quality import AgainstTrack, Quality, against_track
@@ -42,9 +43,10 @@ READS = {
 CONTRADICTION = 2.5
 # How much of a person sways to either side of the middle of the box, in widths of the box.
 SWAY = 0.1
+# The time over which the swing of the feet averages out: twice the integral of its autocorrelation, which
+# for what goes to and fro is nearly nil (outlines of the simulated walkers, blocks of two seconds).
+SWING_S = 0.04
 HALF_SHOULDERS_M = 0.25  # with an arm
-# The head says nothing of the place where the camera is hardly above it.
-MIN_ABOVE_HEAD_M = 0.3
 
 
 def estimate(
@@ -68,7 +70,7 @@ def estimate(
     if plane is not None and Method.GROUND in members:
         by_ground = members[Method.GROUND]
         track = track or beside_track(m, by_ground)
-        of_prior &= ~_use_head(fused, geometry, plane, by_ground, track)
+        of_prior &= ~use_head(fused, geometry, plane, by_ground, track)
     _smooth(fused, geometry, plane, members.get(Method.GROUND))
     if plane is not None:
         _heights_on_ground(fused, geometry, plane, members)
@@ -219,83 +221,6 @@ def _root_sum_alike(share: FloatArray, std: FloatArray, group: npt.NDArray[np.st
     return np.where(known.any(axis=0), total, np.nan)
 
 
-def _use_head(
-    fused: Estimated,
-    geometry: Geometry,
-    plane: GroundPlane,
-    ground: Estimated,
-    track: AgainstTrack,
-) -> BoolArray:
-    """Bring in the depth at which the head is as high as the track's own height.
-
-    Returns where the height is that of the track's other frames, (n,).
-    """
-    m = geometry.measured
-    tall_m, tall_std_m, off = track.height_m, track.height_std_m, track.off
-    hidden, crowded = track.hidden | m.truncated[:, 3], track.crowded
-
-    depth_m, head_noise_m, per_height = _head_depth(geometry, plane, tall_m)
-    head_common_m = np.hypot(per_height * tall_std_m, np.nan_to_num(ground.depth_common_std_m))
-    known = np.isfinite(depth_m) & ~m.truncated[:, 1] & ~crowded
-    foot_noise_m = np.sqrt(np.maximum(fused.depth_std_m**2 - fused.depth_common_std_m**2, 0.0))
-    foot_noise_m = np.where(hidden, np.inf, np.nan_to_num(foot_noise_m, nan=np.inf))
-    foot_noise_m = np.where(crowded, foot_noise_m * np.maximum(off, 1.0), foot_noise_m)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        head = np.where(known, 1.0 / head_noise_m**2, 0.0)
-        foot = np.where(np.isfinite(foot_noise_m), 1.0 / np.maximum(foot_noise_m, 1e-9) ** 2, 0.0)
-    both = (head + foot) > 0
-    share = np.where(both, head / np.where(both, head + foot, 1.0), 0.0)
-    take = both & (share > 0)
-    mixed = np.where(
-        share >= 1, depth_m, share * np.nan_to_num(depth_m) + (1 - share) * fused.depth_m
-    )
-    mixed_noise = np.where(both, 1.0 / np.sqrt(np.where(both, head + foot, 1.0)), np.nan)
-    common = np.where(
-        share >= 1, head_common_m, share * head_common_m + (1 - share) * fused.depth_common_std_m
-    )
-    fused.depth_m = np.where(take, mixed, fused.depth_m)
-    fused.depth_common_std_m = np.where(take, common, fused.depth_common_std_m)
-    wide = np.where(take, mixed_noise, np.where(np.isfinite(foot_noise_m), foot_noise_m, np.nan))
-    fused.depth_std_m = np.where(
-        np.isfinite(wide), np.hypot(wide, fused.depth_common_std_m), fused.depth_std_m
-    )
-    # The height there is that of the other frames.
-    put_in = take & (hidden | (share >= 1))
-    fused.height_m = np.where(put_in, tall_m, fused.height_m)
-    seen = np.isfinite(ground.height_m)
-    common_m = pd.Series(np.where(seen, ground.height_common_std_m, np.nan))
-    of_track_m = common_m.groupby(m.track_id).transform("median").to_numpy(dtype=np.float64)
-    of_track_m = np.nan_to_num(of_track_m)
-    fused.height_std_m = np.where(put_in, np.hypot(tall_std_m, of_track_m), fused.height_std_m)
-    fused.height_common_std_m = np.where(
-        put_in, fused.height_std_m, np.nan_to_num(fused.height_common_std_m)
-    )
-    fused.height_assumed |= put_in
-    return np.asarray(put_in & np.isfinite(tall_m))
-
-
-def _head_depth(
-    geometry: Geometry, plane: GroundPlane, tall_m: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the foot's depth by the head's ray, its noise, and its change by the height.
-
-    The head's ray meets the plane at height H: at Z_h = (h_c - H) / (y_h cos t + sin t) along the axis,
-    Y = Z_h (cos t - y_h sin t) ahead; the foot below it is at Z = Y cos t + h_c sin t.
-    """
-    y_h, tilt = geometry.head[:, 1], plane.tilt_rad
-    above_m = plane.camera_height_m - tall_m
-    slope = y_h * np.cos(tilt) + np.sin(tilt)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        usable = (above_m > MIN_ABOVE_HEAD_M) & (slope > 0)
-        along_m = np.where(usable, above_m / np.where(usable, slope, 1.0), np.nan)
-        ahead_m = along_m * (np.cos(tilt) - y_h * np.sin(tilt))
-        per_height = ahead_m / above_m * np.cos(tilt)
-        by_row = along_m**2 / above_m * np.cos(tilt)
-    noise_m = np.hypot(by_row * geometry.head_std, per_height * GAIT_STD_M)
-    depth_m = ahead_m * np.cos(tilt) + plane.camera_height_m * np.sin(tilt)
-    return np.where(ahead_m > 0, depth_m, np.nan), noise_m, per_height
-
-
 def _smooth(
     fused: Estimated, geometry: Geometry, plane: GroundPlane | None, ground: Estimated | None
 ) -> None:
@@ -303,9 +228,11 @@ def _smooth(
     m = geometry.measured
     position, covariance = _places(fused, geometry, plane)
     # Boxes repeat their errors; the swing of the feet about its mean does not, it comes back every step.
-    share = independent_share(m)[:, None, None]
+    lasts_s = geometry.scatter.correlation_s if geometry.scatter is not None else None
+    share = independent_share(m, lasts_s)[:, None, None]
     stride = _stride(fused, geometry, plane, ground)
-    inflated = (covariance - stride) / share + stride
+    lasting = (covariance - stride) / share
+    inflated = lasting + stride
     time_s = (m.capture_time_ns - m.capture_time_ns.min(initial=0)) / 1e9
     smoothed = smooth_tracks(m.track_id, time_s, position, inflated)
     several = pd.Series(m.track_id).groupby(m.track_id).transform("count").to_numpy() > 1
@@ -314,8 +241,12 @@ def _smooth(
     tilt = plane.tilt_rad if plane is not None else 0.0
     up_m = plane.camera_height_m if plane is not None else 0.0
     depth_m = y_m * np.cos(tilt) + up_m * np.sin(tilt)
-    noise_m = np.sqrt(smoothed.covariance[:, 1, 1]) * np.cos(tilt)
-    noise_m *= _birge_ratio(m, fused, depth_m)
+    # As good as white noise to the smoother; but the swing comes back every step, and means less.
+    swing = np.clip(SWING_S / interval_s(m), 0.0, 1.0)
+    passed = (lasting + swing[:, None, None] * stride)[:, 1, 1] / inflated[:, 1, 1]
+    noise_m = np.sqrt(smoothed.covariance[:, 1, 1] * passed) * np.cos(tilt)
+    if geometry.scatter is None:
+        noise_m *= _birge_ratio(m, fused, depth_m)
     fused.depth_m = np.where(use, depth_m, fused.depth_m)
     fused.depth_std_m = np.where(
         use, np.hypot(noise_m, fused.depth_common_std_m), fused.depth_std_m

@@ -6,14 +6,21 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 
 from pipeline.estimate.columns import BoolArray, Measured
+from pipeline.estimate.scatter import Scatter
 from pipeline.optics.distortion import check_distortion
 from pipeline.optics.ground_plane import foot_depth_m, height_m, remove_roll
 from pipeline.optics.pinhole import PinholeCamera
 from pipeline.optics.silhouette import axis_rows
 from pipeline.optics.thin_lens import image_distance_mm
 from pipeline.records import FloatArray, Intrinsics
+
+# What all frames of a track have in common, beside what is each one's own: shoes of the ground's colour,
+# a bag, a shadow. The depths of whole tracks of the motion detector are off by that (24 rendered
+# recordings), from the best tracks to the worst.
+COMMON_SHARE = 0.7
 
 
 def camera_of(intrinsics: Intrinsics) -> PinholeCamera:
@@ -44,12 +51,14 @@ class Geometry:
 
     Of a body the ends are where its axis meets the ground, and its crown (`optics.silhouette`): `reach`
     is how far its lower end is before the axis, in shares of its height, (n,), and `reach_std` how that
-    differs from frame to frame; NaN for what is a line. Without `reach` all are lines.
+    differs from frame to frame; NaN for what is a line. Without `reach` all are lines. `scatter` is what
+    the track's own heights say of the boxes; `measured` has that in its deviations already.
     """
 
     measured: Measured
     reach: FloatArray | None = None
     reach_std: FloatArray | None = None
+    scatter: Scatter | None = None
 
     @cached_property
     def image_distance_mm(self) -> FloatArray:
@@ -201,15 +210,32 @@ class Geometry:
     @cached_property
     def foot_std(self) -> FloatArray:
         """Standard deviation of the foot's row, normalised: of the lower edge, and of the stride."""
-        box = self._std(3)
+        return np.hypot(self._std(3), self.swing_std)
+
+    @cached_property
+    def swing_std(self) -> FloatArray:
+        """The part of `foot_std` that is of the stride."""
         plane = self.measured.ground_plane
         if self.reach_std is None or plane is None:
-            return box
+            return np.zeros(len(self.measured))
         tilt = plane.tilt_rad
         slope = self.foot[:, 1] * np.cos(tilt) + np.sin(tilt)
         # dy = -slope^2 dZ / h, and the reach moves Z by `reach_m`.
         by_reach = slope**2 / plane.camera_height_m * self.reach_m
-        return np.hypot(box, np.nan_to_num(by_reach * self.reach_std))
+        return np.nan_to_num(by_reach * self.reach_std)
+
+    @cached_property
+    def common_std(self) -> FloatArray:
+        """Standard deviations of what the ends have in common along a track, (n, 2): foot, head.
+
+        In proportion to what is each frame's own, at the track's median.
+        """
+        m, tall = self.measured, (self.foot - self.head)[:, 1]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.column_stack([self._std(3), self._std(1)]) / tall[:, None]
+        share[~np.isfinite(share)] = np.nan
+        of_track = pd.DataFrame(share).groupby(m.track_id).transform("median").to_numpy()
+        return np.nan_to_num(COMMON_SHARE * of_track * tall[:, None])
 
     @cached_property
     def head_std(self) -> FloatArray:

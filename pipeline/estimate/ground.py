@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.estimate.columns import Estimated
 from pipeline.estimate.common import pose_variance
 from pipeline.estimate.geometry import Geometry
-from pipeline.estimate.repeats import BOX_COMMON_STD
+from pipeline.estimate.scatter import scatter_of
 from pipeline.optics.ground_plane import (
     depth_jacobian,
     foot_depth_m,
@@ -41,17 +43,15 @@ def estimate(geometry: Geometry) -> Estimated:
     # How far a foot is before the axis differs by person, and by what all of them wear.
     reach_std_m = np.hypot(REACH_TRACK_STD, REACH_COMMON_STD) * geometry.reach_m
     depth_common += reach_std_m**2
-    depth_std_m = np.sqrt(depth_common + (by_pose[:, 3] * geometry.foot_std) ** 2)
-
     tall_by = np.stack(height_jacobian(h_m, tilt, foot, head), axis=1)
     by_focal = -(y_f * tall_by[:, 3] + y_h * tall_by[:, 4])
     tall_common = pose_variance(tall_by[:, :3], by_focal, plane)
     tall_common += (tall_by[:, 3] / by_pose[:, 3] * reach_std_m) ** 2
     if geometry.reach is not None:
-        # The pose from walkers has this error in its scale already; of one that is given it is new.
-        box_std = np.where(np.isfinite(geometry.reach), BOX_COMMON_STD, 0.0)
-        tall_common += (box_std * np.nan_to_num(tall_m)) ** 2
-        depth_common += (box_std * np.nan_to_num(y_f - y_h) * by_pose[:, 3] / np.sqrt(2)) ** 2
+        foot_std, head_std = geometry.common_std.T
+        tall_common += (tall_by[:, 3] * foot_std) ** 2 + (tall_by[:, 4] * head_std) ** 2
+        depth_common += (by_pose[:, 3] * foot_std) ** 2
+    depth_std_m = np.sqrt(depth_common + (by_pose[:, 3] * geometry.foot_std) ** 2)
     noise = (tall_by[:, 3] * geometry.foot_std) ** 2 + (tall_by[:, 4] * geometry.head_std) ** 2
 
     footless = m.truncated[:, 3]
@@ -67,3 +67,16 @@ def estimate(geometry: Geometry) -> Estimated:
     half_m = np.where(np.isnan(estimated.height_m), 0.85, estimated.height_m / 2)
     estimated.range_m = range_m(x_m, y_m, h_m, half_m)
     return estimated
+
+
+def with_scatter(geometry: Geometry) -> Geometry:
+    """Return the geometry with the boxes as good as the heights of their tracks say."""
+    m, plane = geometry.measured, geometry.measured.ground_plane
+    if plane is None or m.intrinsics is None:
+        return geometry
+    tall_by = height_jacobian(plane.camera_height_m, plane.tilt_rad, geometry.foot, geometry.head)
+    swing_m = np.abs(tall_by[3]) * geometry.swing_std
+    scatter = scatter_of(m, estimate(geometry), swing_m)
+    std_px = m.std_xyxy_px.copy()
+    std_px[:, [1, 3]] *= np.sqrt(scatter.ratio)[:, None]
+    return replace(geometry, measured=replace(m, std_xyxy_px=std_px), scatter=scatter)

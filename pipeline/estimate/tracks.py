@@ -45,7 +45,10 @@ def track_heights(
             "time_ns": measured.capture_time_ns,
             "depth_m": estimated.depth_m,
             "height_m": estimated.height_m,
-            "common_m": estimated.height_common_std_m,
+            "common_m": np.where(
+                np.isfinite(estimated.height_m), estimated.height_common_std_m, np.nan
+            ),
+            "doubt_m": estimated.height_doubt_m,
             "std_m": estimated.height_std_m,
             "assumed": estimated.height_assumed,
             "class_name": measured.class_name,
@@ -73,7 +76,10 @@ def track_heights(
     height_std_m = np.where(count > 0, np.hypot(noise_m, common_m), np.nan)
     assumed = tracks["assumed"].all().to_numpy()
     names = _commonest(frame)
-    plausible = _plausible(height_m, height_std_m, names, priors)
+    # That it may be no one person is what is asked here.
+    doubt_m = tracks["doubt_m"].median().to_numpy()
+    sure_std_m = np.sqrt(np.maximum(height_std_m**2 - doubt_m**2, 0.0))
+    plausible = _plausible(height_m, sure_std_m, names, priors)
     columns: dict[str, object] = {
         "camera": [measured.camera] * len(depth),
         "track_id": depth.index.to_numpy(),

@@ -311,7 +311,7 @@ COMMENT ON COLUMN track_heights.camera IS 'The camera.';
 COMMENT ON COLUMN track_heights.track_id IS 'The track.';
 COMMENT ON COLUMN track_heights.method IS 'The method.';
 COMMENT ON COLUMN track_heights.height_m IS 'Robust combination of the heights of its frames.';
-COMMENT ON COLUMN track_heights.height_std_m IS 'Its standard deviation: of the frames as far as they are independent, of the gait, and of the calibration.';
+COMMENT ON COLUMN track_heights.height_std_m IS 'Its standard deviation: of the frames as far as they are independent, of the gait, of the calibration, and of a box that may be no one person''s.';
 COMMENT ON COLUMN track_heights.height_assumed IS 'TRUE where the height was put in, not measured.';
 COMMENT ON COLUMN track_heights.height_plausible IS 'FALSE where one object of its class cannot be so tall or so small: two people in one box, or half of one. NULL where nothing is known of the class, or the height was put in.';
 COMMENT ON COLUMN track_heights.depth_min_m IS 'Nearest depth.';

@@ -214,13 +214,15 @@ def test_it_is_no_worse_than_its_best_member_and_knows_how_good_it_is(wall_share
 def test_a_wall_before_everybody_does_not_spoil_the_pose() -> None:
     random = np.random.default_rng(22)
     errors, z = [], []
-    for _ in range(12):
+    for _ in range(20):
         simulated = scene(random, 15, wall_share=1.0)
         with suppress(CalibrationUndetermined):
             plane, _ = calibrate_from_walkers(simulated.measured, ADULT)
             found = score(simulated, plane)
             errors.append(found.depth_relative)
             z.append(found.depth_z)
-    assert len(errors) >= 7
-    assert np.median(errors) < 0.035
+    assert len(errors) >= 14
+    # The scale is known to 3.4 % (the mean stature to 3 %, that of 15 people to 1.4 %): 2.3 % in the
+    # median, and of so few cameras to half a percent.
+    assert np.median(errors) < 0.04
     assert within(z) > 0.85
