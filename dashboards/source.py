@@ -13,12 +13,13 @@ from typing import Any, NamedTuple
 
 import pyarrow as pa
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
-from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
 
 from dashboards.stills import StillEncoded
 from pipeline.config import Config
 from pipeline.diagnostics import Notes
+from pipeline.ingest.decode.protobuf import bytes_field
+from pipeline.ingest.decode.tree import UndecodableMessage
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.mcap_indexed import IndexedMessage, indexed_messages, summary_of
 from pipeline.ingest.mcap_records import McapFile
@@ -36,6 +37,7 @@ PASS_ONE_TABLES = (
 )
 PASS_TWO_TABLES = ("estimates", "track_heights", "observation_quality")
 COMPRESSED = "foxglove.CompressedImage"
+_DATA = CompressedImage.DATA_FIELD_NUMBER
 
 
 class Span(NamedTuple):
@@ -145,7 +147,7 @@ def pictures(
     config: Config,
     span: Span | None,
 ) -> Iterator[StillEncoded]:
-    """Yield the pictures of the frames in the tables.
+    """Yield the pictures of the frames in the tables; each is good until the next is asked for.
 
     A file that the first pass found whole is read by its index, and not checked again.
     """
@@ -188,8 +190,8 @@ def _indexed(
         if indexes is None or at >= len(indexes):
             continue
         try:
-            image = CompressedImage.FromString(message.data).data  # type: ignore[arg-type]
-        except DecodeError:
+            image = bytes_field(message.data, _DATA)
+        except UndecodableMessage:
             continue  # it was no frame
         seen[key] += 1
         yield StillEncoded(key[0], indexes[at], image)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import cv2
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 import rerun as rr
 
-from dashboards.columns import CameraRows
+from dashboards.columns import CameraRows, Frames
 from dashboards.names import path
 from dashboards.stream import clocks
 from pipeline.errors import UndecodableImage
@@ -21,6 +22,8 @@ from pipeline.picture_header import image_size
 BATCH_BYTES = 2 * 1024**2
 # What a picture is, by its first bytes; what the recording calls it may be anything.
 SIGNATURES = ((b"\xff\xd8\xff", "image/jpeg"), (b"\x89PNG", "image/png"), (b"RIFF", "image/webp"))
+_SIGNATURE_BYTES = 4
+_BLOBS = pa.list_(pa.field("item", pa.uint8(), nullable=False))  # as Rerun has them
 PREVIEW_QUALITY = 75
 _REDUCED = (
     (8, cv2.IMREAD_REDUCED_COLOR_8),
@@ -30,11 +33,11 @@ _REDUCED = (
 
 
 class StillEncoded(NamedTuple):
-    """One picture on its way through."""
+    """One picture on its way through; its bytes may be good only until the next one comes."""
 
     camera: str
     frame_index: int
-    image: bytes
+    image: bytes | memoryview
 
 
 def log_images(
@@ -48,51 +51,79 @@ def log_images(
     A picture that cannot be decoded is left out, so that its frame shows none, not the one before.
     """
     lost = {name: _undecodable(rows) for name, rows in cameras.items()}
-    if preview_px is not None:
-        images = (
-            i._replace(image=preview(i.image, preview_px))
-            for i in images
-            if i.frame_index not in lost.get(i.camera, ())
-        )
-    for camera, batch in _batches(images):
+    room = BATCH_BYTES // max(len(cameras), 1)  # all that wait are within the size of a batch
+    waiting: dict[str, _Batch] = {}
+    for camera, frame_index, image in images:
         rows = cameras.get(camera)
-        if rows is None:
+        row = None if rows is None else _row_of(rows.frames, frame_index)
+        if rows is None or row is None:
             continue
-        index = np.array([p.frame_index for p in batch], dtype=np.int64)
-        row = np.searchsorted(rows.frames.frame_index, index)
-        row = np.minimum(row, max(len(rows.frames) - 1, 0))
-        there = rows.frames.frame_index[row] == index if len(rows.frames) else index < 0
-        known = [p for p, t in zip(batch, there, strict=True) if t]
-        shown = np.array([bool(p.image) and p.frame_index not in lost[camera] for p in known])
-        kept = [p for p, s in zip(known, shown, strict=True) if s]
-        if not kept:
-            continue
+        if frame_index in lost[camera]:
+            image = b""
+        elif preview_px is not None:
+            image = preview(bytes(image), preview_px)
+        batch = waiting.get(camera)
+        if batch is not None and len(image) > batch.room:
+            batch.send(stream, rows)
+            batch = None
+        if batch is None:
+            batch = waiting[camera] = _Batch(max(room, len(image)))
+        batch.add(row, image)
+    for camera, batch in waiting.items():
+        batch.send(stream, cameras[camera])
+
+
+class _Batch:
+    """Pictures of one camera, each copied once: to where Arrow and Rerun take it."""
+
+    def __init__(self, size: int) -> None:
+        self._memory = np.empty(size, dtype=np.uint8)
+        self._ends = [0]  # of the pictures, in the memory
+        self._kinds: list[str] = []
+        self._row: list[int] = []
+        self._shown: list[int] = []  # 0 where a frame has no picture
+
+    @property
+    def room(self) -> int:
+        """How many bytes can be added."""
+        return len(self._memory) - self._ends[-1]
+
+    def add(self, row: int, image: bytes | memoryview) -> None:
+        """Add the picture of a frame, or, with no bytes, that there is none."""
+        self._row.append(row)
+        self._shown.append(1 if image else 0)
+        if image:
+            start = self._ends[-1]
+            self._ends.append(start + len(image))
+            self._memory[start : self._ends[-1]] = np.frombuffer(image, dtype=np.uint8)
+            self._kinds.append(media_type(bytes(image[:_SIGNATURE_BYTES])))
+
+    def send(self, stream: rr.RecordingStream, rows: CameraRows) -> None:
+        """Send what was added."""
+        if not self._kinds:
+            return
+        memory = pa.py_buffer(self._memory[: self._ends[-1]])
+        values = pa.Array.from_buffers(pa.uint8(), len(memory), [None, memory])
+        ends = pa.array(self._ends, type=pa.int32())
         columns = rr.EncodedImage.columns(
-            blob=[p.image for p in kept], media_type=[media_type(p.image) for p in kept]
+            blob=pa.ListArray.from_arrays(ends, values, type=_BLOBS), media_type=self._kinds
         )
         stream.send_columns(
             path("cameras", rows.name, "camera", "image"),
-            clocks(rows.frames, row[there]),
-            columns.partition(shown.astype(np.int64)),
+            clocks(rows.frames, np.array(self._row)),
+            columns.partition(np.array(self._shown)),
         )
+
+
+def _row_of(frames: Frames, frame_index: int) -> int | None:
+    """Return the position of a frame, or None if it is not among them."""
+    row = int(frames.frame_index.searchsorted(frame_index))
+    return row if row < len(frames) and frames.frame_index[row] == frame_index else None
 
 
 def media_type(image: bytes) -> str:
     """Return what a picture is."""
     return next((kind for start, kind in SIGNATURES if image.startswith(start)), "image/jpeg")
-
-
-def _batches(images: Iterable[StillEncoded]) -> Iterator[tuple[str, list[StillEncoded]]]:
-    """Yield pictures of one camera at a time; all that wait are within the size of a batch."""
-    waiting: dict[str, list[StillEncoded]] = {}
-    size = 0
-    for image in images:
-        waiting.setdefault(image.camera, []).append(image)
-        size += len(image.image)
-        if size >= BATCH_BYTES:
-            yield from waiting.items()
-            waiting, size = {}, 0
-    yield from waiting.items()
 
 
 def _undecodable(rows: CameraRows) -> frozenset[int]:

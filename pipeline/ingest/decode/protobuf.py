@@ -82,3 +82,49 @@ def tree_of(message: Message) -> dict[str, Any]:
         else:
             tree[field.name] = tree_of(value)
     return tree
+
+
+def bytes_field(message: memoryview, number: int) -> memoryview:
+    """Return a field of bytes where it stands in a message, empty if there is none.
+
+    The other fields are passed over (Protocol Buffers, "Encoding": tags, varints, lengths), and the
+    large one is not copied.
+
+    Raises:
+        UndecodableMessage: the bytes are no message, or hold a group.
+    """
+    at, end, found = 0, len(message), message[:0]
+    try:
+        while at < end:
+            tag, at = _varint(message, at)
+            kind = tag & 7
+            if kind == _BYTES:
+                length, at = _varint(message, at)
+                if tag >> 3 == number:
+                    found = message[at : at + length]
+                at += length
+            elif kind == _VARINT:
+                _, at = _varint(message, at)
+            else:
+                at += _FIXED[kind]
+    except (IndexError, KeyError) as error:
+        raise UndecodableMessage("not a protobuf message") from error
+    if at > end:
+        raise UndecodableMessage("a protobuf message that is cut off")
+    return found
+
+
+_VARINT, _BYTES = 0, 2
+_FIXED = {1: 8, 5: 4}  # bytes of numbers of a fixed size
+
+
+def _varint(message: memoryview, at: int) -> tuple[int, int]:
+    """Return a number and where the next field begins."""
+    value, shift = 0, 0
+    while True:
+        byte = message[at]
+        at += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value, at
+        shift += 7
