@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.calibrate.upright import Uprights
+from pipeline.calibrate.upright import Uprights, bend_std_of
 from pipeline.calibrate.walkers_model import Sample, Scale
 from pipeline.config import SizePrior
 from pipeline.errors import UsageError
@@ -91,6 +91,7 @@ def scale_of(
         np.array([d.distance_m for d in known.distances]),
         np.array([_relative_std(d) for d in known.distances]),
         uprights,
+        bend_std_of(measured.intrinsics),
     )
 
 

@@ -77,6 +77,12 @@ class Uprights:
 NO_UPRIGHTS = Uprights(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), BEND_STD, 0.0)
 
 
+def bend_std_of(intrinsics: Intrinsics | None) -> float:
+    """Return how far the distortion of a lens may be off what is known of it, by k."""
+    calibrated = intrinsics is not None and intrinsics.distortion_model
+    return CALIBRATED_BEND_STD if calibrated else BEND_STD
+
+
 def find_uprights(
     lines_px: FloatArray, intrinsics: Intrinsics, tilt_rad: float, tilt_std_rad: float
 ) -> Uprights:
@@ -100,7 +106,7 @@ def find_uprights(
     at_px = (ends_px[:, 0] + ends_px[:, 2]) / 2
     beside = np.abs(at_px[:, None] - at_px) < SAME * intrinsics.width_px
     weight = 1.0 / beside.sum(axis=1)
-    bend_std = CALIBRATED_BEND_STD if intrinsics.distortion_model else BEND_STD
+    bend_std = bend_std_of(intrinsics)
     tilts = tilt_rad + np.linspace(-2, 2, 9) * tilt_std_rad
     likelihood = np.full((len(ROLLS_RAD), len(tilts), len(BENDS)), -np.inf)
     clutter = 1.0 / (2 * WINDOW_RAD)

@@ -9,17 +9,19 @@ tracks more.
 
 What all tracks have in common shows in no disagreement. It is considered (consider analysis, as in
 Tapley, Schutz and Born, Statistical Orbit Determination, section 6.5): boxes that are too tall by a
-share, by one that changes with size, and by one that changes from side to side.
+share, by one that changes with size, and by one that changes from side to side; and a lens that bends
+what is seen more or less than is known of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import OptimizeResult
 
-from pipeline.calibrate.walkers_model import ABOVE, PEOPLE, ROLL, TILT, Sample, Scale
+from pipeline.calibrate.walkers_model import ABOVE, PEOPLE, ROLL, TILT, Sample, Scale, residuals
 from pipeline.estimate.repeats import BOX_COMMON_STD
 from pipeline.records import FloatArray
 
@@ -52,7 +54,7 @@ def covariance_of(
     stated = _as_stated(jacobian, excess, sample)
     by_tracks = _by_tracks(jacobian, inverse, fit, sample, scale, excess)
     share = sample.people / (sample.people + STATED_TRACKS)
-    moved = inverse @ (jacobian[: len(sample.track)].T @ _common(fit, sample, scale))
+    moved = inverse @ (jacobian.T @ _common(fit, sample, scale))
     covariance = share * by_tracks + (1 - share) * stated + moved @ moved.T
     to_metres = np.diag([float(np.exp(fit.x[ABOVE])), *np.ones(len(wanted) - 1)])
     return np.asarray(to_metres @ covariance[np.ix_(wanted, wanted)] @ to_metres)
@@ -105,7 +107,7 @@ def _by_tracks(
 
 
 def _common(fit: OptimizeResult, sample: Sample, scale: Scale) -> FloatArray:
-    """Return what boxes may have in common, as residuals of the heads, a column each."""
+    """Return what all tracks may have in common, as residuals, a column each."""
     tall = sample.foot[:, 1] - sample.head[:, 1]
     per_share = tall / sample.sigma * np.sqrt(sample.weight)
     scatter = 1.4826 * float(np.nanmedian(np.abs(fit.fun[: len(tall)] / per_share)))
@@ -115,4 +117,23 @@ def _common(fit: OptimizeResult, sample: Sample, scale: Scale) -> FloatArray:
     ]
     if not len(scale.uprights):
         shares.append(SIDE_PER_SCATTER * scatter * sample.trends[:, 0])
-    return np.asarray(np.stack(shares, axis=1) * per_share[:, None])
+    common = np.zeros((len(fit.fun), len(shares) + 1))
+    common[: len(tall), :-1] = np.stack(shares, axis=1) * per_share[:, None]
+    if len(fit.x) == PEOPLE + sample.people:  # with the focal length unknown, it is of that error
+        common[:, -1] = _bent(fit.x, sample, scale)
+    return common
+
+
+def _bent(x: FloatArray, sample: Sample, scale: Scale) -> FloatArray:
+    """Return what a deviation of the lens's distortion changes in the residuals.
+
+    Upright edges have an unknown of their own for it.
+    """
+    step = 1e-4
+
+    def bend(points: FloatArray) -> FloatArray:
+        return np.asarray(points * (1.0 + step * (points**2).sum(axis=-1, keepdims=True)))
+
+    bent = replace(sample, foot=bend(sample.foot), head=bend(sample.head))
+    other = residuals(x, bent, replace(scale, points=bend(scale.points)))
+    return np.asarray((other - residuals(x, sample, scale)) * scale.bend_std / step)

@@ -84,6 +84,7 @@ class Scale:
     distance_m: FloatArray  # (d,)
     distance_std: FloatArray  # (d,) relative
     uprights: Uprights
+    bend_std: float  # of the lens's distortion, by k of `calibrate.upright`
 
     @property
     def side_std(self) -> float:

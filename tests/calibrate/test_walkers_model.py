@@ -51,6 +51,7 @@ def _scale(random: np.random.Generator, uprights: Uprights) -> Scale:
         np.array([4.0, 9.0]),
         np.array([0.02, 0.05]),
         uprights,
+        0.15,
     )
 
 
