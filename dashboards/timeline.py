@@ -27,7 +27,9 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pyarrow as pa
@@ -83,10 +85,14 @@ def write_timeline(
     try:
         stream.save(part, default_blueprint=layout)
         stream.send_recording_name(_name(sources))
+        stop = Event()
         with ThreadPoolExecutor(1) as aside:
-            pictures = aside.submit(_log_pictures, stream, sources, cameras, options)
-            _log_rows(stream, sources, cameras)
-            pictures.result()
+            pictures = aside.submit(_log_pictures, stream, sources, cameras, options, stop)
+            try:
+                _log_rows(stream, sources, cameras)
+                pictures.result()
+            finally:
+                stop.set()
         stream.flush()
         stream.disconnect()
         part.replace(target)
@@ -149,11 +155,13 @@ def _log_pictures(
     sources: Sequence[Source],
     cameras: Sequence[Sequence[CameraRows]],
     options: TimelineOptions,
+    stop: Event,
 ) -> None:
-    """Send the pictures: in a thread of its own, as most of it is waiting for bytes to be copied."""
+    """Send the pictures, in a thread of its own: most of it is waiting for bytes to be copied."""
     for source, own in zip(sources, cameras, strict=True):
         by_name = {str(rows.camera["camera"]): rows for rows in own}
-        log_images(stream, source.images, by_name, options.preview_px)
+        images = takewhile(lambda _: not stop.is_set(), source.images)
+        log_images(stream, images, by_name, options.preview_px)
 
 
 def _log_rows(

@@ -126,7 +126,7 @@ def _occlusion(bbox: FloatArray) -> FloatArray:
 
 def luminance_inside(picture: Picture | None, boxes: Boxes) -> FloatArray:
     """Return the mean relative luminance inside each box, sampled on a grid of the picture."""
-    if picture is None:
+    if picture is None or not len(boxes):
         return np.full(len(boxes), NAN)
     bbox = (boxes.bbox_xyxy_px + 0.5) / picture.reduction - 0.5
     height, width = picture.bgr.shape[:2]

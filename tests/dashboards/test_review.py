@@ -5,21 +5,25 @@ from __future__ import annotations
 import shlex
 import shutil
 import time
+from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+import dashboards.timeline
 from dashboards.review import Review, find_recording, go_to_moment, write_review
 from dashboards.screenshot import Viewer
 from dashboards.source import Span, pictures, read_source, read_tables
 from dashboards.split import spans_of
 from dashboards.stills import media_type, preview
 from dashboards.stream import ELAPSED, FRAME, TIME
+from dashboards.timeline import write_timeline
 from dashboards.viewer import no_driver, started
 from pipeline.cli import main
 from pipeline.config import Config, TimelineConfig
-from pipeline.errors import UsageError
+from pipeline.errors import StadimeterError, UsageError
 from pipeline.picture_header import image_size
 from pipeline.run import run
 from pipeline.store.database import Store
@@ -141,6 +145,26 @@ def test_pictures_by_the_index_are_those_of_the_walk(folder: Path, store: Store)
         assert [p.frame_index for p in by_index] == (
             list(range(40)) if span is None else list(range(5, 10))
         )
+
+
+@pytest.mark.parametrize("side", ["rows", "pictures"])
+def test_a_timeline_that_cannot_be_written_leaves_nothing(
+    folder: Path, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch, side: str
+) -> None:
+    row = find_recording(store, "people")
+    source = read_source(store, row["recording_id"], folder / "people.mcap", Config())
+    still = next(iter(source.images))
+
+    def full(*_: Any) -> None:
+        raise OSError("no space left")
+
+    # However many pictures there are, none is sent any more when the rows cannot be.
+    images = repeat(still) if side == "rows" else map(full, [still])
+    if side == "rows":
+        monkeypatch.setattr(dashboards.timeline, "_log_rows", full)
+    with pytest.raises(StadimeterError, match=r"cannot be written.*no space left"):
+        write_timeline(tmp_path / "a.rrd", [replace(source, images=images)])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_rows_of_a_span_are_those_of_its_frames(store: Store) -> None:
