@@ -38,7 +38,7 @@ from pipeline.ahead import ahead
 from pipeline.config import MIN_SIDE_PX, Config
 from pipeline.console import out, print_rows
 from pipeline.diagnostics import Notes
-from pipeline.first_pass import READ_AHEAD_FRAMES, measure_recording
+from pipeline.first_pass import READ_TOGETHER, measure_recording
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.mcap_records import McapFile
 from pipeline.picture import Picture, decode
@@ -135,7 +135,7 @@ def read_and_decode(recording: Path) -> None:
     frames = FrameAssembler(file, config.ingest, Notes())
     waiting: deque[Future[Picture]] = deque()
     with ThreadPoolExecutor(CORES) as pool:
-        for frame in ahead(frames, READ_AHEAD_FRAMES):
+        for frame in ahead(frames, READ_TOGETHER):
             waiting.append(pool.submit(decode, frame.image, max_pixels=config.limits.image_pixels))
             if len(waiting) > 2 * CORES + 2:
                 waiting.popleft().result()

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import asdict, replace
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,8 +51,10 @@ from pipeline.track import Tracker
 # Frames whose rows are gathered before they are written: large enough for columns to pay, small
 # enough to be nothing in memory.
 BATCH_FRAMES = 256
-# Frames that are read before they are asked for: one chunk of the file gives several at once.
-READ_AHEAD_FRAMES = 4
+# Frames go from the thread that reads to the one that uses them several at once, as every hand-over
+# wakes a thread; and so many such lists are read before they are asked for.
+READ_TOGETHER, READ_TOGETHER_BYTES = 4, 1024**2
+READ_AHEAD = 2
 # The detector learns from this many pictures, spread over its learning time, during which frames
 # wait, still encoded, in at most this much memory: fifteen seconds of 1080p at 25 frames/s and 400 KB.
 LEARNING_PICTURES = 25
@@ -209,14 +212,21 @@ class FirstPass:
                 item = Decoded(replace(frame, detections=inside), picture)
         return self.stages[frame.camera].follow(item, self.times)
 
-    def _read(self) -> Iterator[tuple[Frame, bool]]:
-        """Yield frames, and whether their camera's detections were seen by then."""
+    def _read(self) -> Iterator[list[tuple[Frame, bool]]]:
+        """Yield lists of frames, and whether their camera's detections were seen by then."""
+        some: list[tuple[Frame, bool]] = []
+        held = 0
         for frame in self.times.each("read", self.assembler):
-            yield frame, self.assembler.has_detections(frame.camera)
+            some.append((frame, self.assembler.has_detections(frame.camera)))
+            held += len(frame.image)
+            if len(some) >= READ_TOGETHER or held >= READ_TOGETHER_BYTES:
+                yield some
+                some, held = [], 0
+        yield some
 
     def _frames(self, pool: Executor) -> Iterator[Frame]:
         """Yield frames whose camera's detector is ready for them."""
-        for frame, recorded in ahead(self._read(), READ_AHEAD_FRAMES):
+        for frame, recorded in chain.from_iterable(ahead(self._read(), READ_AHEAD)):
             stage = self.stages.get(frame.camera)
             if stage is None:
                 stage = CameraStage(self.config, frame.camera, frame.topic, recorded=recorded)
