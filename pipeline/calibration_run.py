@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -13,7 +14,6 @@ import pyarrow as pa
 from pipeline import __version__
 from pipeline.calibrate.blur_floor import BlurFloor, calibrate_blur_floor, combined
 from pipeline.calibrate.camera_file import write_camera_file
-from pipeline.calibrate.focal import calibrate_stored
 from pipeline.calibrate.from_truth import (
     calibrate_from_truth,
     prior_as_calibration,
@@ -23,11 +23,12 @@ from pipeline.calibrate.from_truth import (
 from pipeline.calibrate.given import as_given
 from pipeline.calibrate.known import NOTHING_KNOWN, Known
 from pipeline.calibrate.lens_row import known_lens
+from pipeline.calibrate.stored import Calibrated, calibrate_stored
 from pipeline.calibrate.truth_table import truth_table
 from pipeline.config import CameraConfig, Config, SizePrior
 from pipeline.errors import CalibrationUndetermined, StoreError, UsageError, Where
 from pipeline.estimate.combine import calibrations_table, measured_by_camera
-from pipeline.records import Calibration, FoundLens, GroundPlane, Method
+from pipeline.records import Calibration, Diagnostic, FoundLens, GroundPlane, Method
 from pipeline.run import describe, library_versions
 from pipeline.second_pass import lines_of
 from pipeline.store.database import Store
@@ -111,6 +112,7 @@ class Found:
 
     plane: GroundPlane
     lens: FoundLens | None = None
+    contradiction: Diagnostic | None = None  # of the lens that was told
 
 
 def calibrate_stored_walkers(
@@ -150,11 +152,11 @@ def calibrate_stored_walkers(
                 try:
                     lines_px = lines_of(edges, measured.camera)
                     row = stored[measured.camera]
-                    plane, _, lens = calibrate_stored(measured, row, prior, known, lines_px)
+                    made = calibrate_stored(measured, row, prior, known, lines_px)
                 except CalibrationUndetermined as error:
                     results.append((measured.camera, error))
                 else:
-                    results.append((measured.camera, Found(plane, lens)))
+                    results.append((measured.camera, _found(made, measured.camera, row)))
     for name in dict.fromkeys(name for name, _ in results):
         found = [f for n, f in results if n == name and isinstance(f, Found)]
         if found:
@@ -245,6 +247,12 @@ def _one_lens(found: list[Found]) -> tuple[FoundLens | None, list[GroundPlane]]:
 
 def _relative(found: Found) -> float:
     return found.lens.std_px / found.lens.intrinsics.fx_px if found.lens else math.inf
+
+
+def _found(made: Calibrated, camera: str, row: Mapping[str, Any]) -> Found:
+    doubt = made.contradiction
+    said = doubt.describe(camera, row["intrinsics_source"]) if doubt else None
+    return Found(made.plane, made.lens, said)
 
 
 def _unposed(camera: CameraConfig) -> CameraConfig:

@@ -17,9 +17,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.calibrate.focal import calibrate_stored
 from pipeline.calibrate.given import given_pose
-from pipeline.calibrate.lens_row import known_lens, with_found
+from pipeline.calibrate.lens_row import known_lens, with_doubt, with_found
+from pipeline.calibrate.stored import calibrate_stored
 from pipeline.calibrate.walkers import WalkersReport
 from pipeline.calibrate.walkers_sample import MIN_OBSERVATIONS, spread_people
 from pipeline.config import Config
@@ -129,15 +129,18 @@ def _pose(
         return None
     measured = camera.measured(Tracks.of(_to_learn_from(people)))
     try:
-        plane, report, lens = calibrate_stored(measured, camera.row, prior, lines_px=lines_px)
+        found = calibrate_stored(measured, camera.row, prior, lines_px=lines_px)
     except CalibrationUndetermined as error:
         said.add([Diagnostic(Severity.INFO, "pose_undetermined", error.problem, camera=name)])
         return None
-    if lens is not None:
-        camera.row = with_found(camera.row, lens)
-        said.add([_describe_lens(name, lens)])
-    said.add([_describe(name, plane, report)])
-    return plane
+    if found.lens is not None:
+        camera.row = with_found(camera.row, found.lens)
+        said.add([_describe_lens(name, found.lens)])
+    if found.contradiction is not None:
+        said.add([found.contradiction.describe(name, camera.row["intrinsics_source"])])
+        camera.row = with_doubt(camera.row, found.plane)
+    said.add([_describe(name, found.plane, found.report)])
+    return found.plane
 
 
 def _to_learn_from(people: pa.Table) -> pa.Table:

@@ -295,6 +295,9 @@ def print_poses(
     rows = []
     for camera, result in _determined(results):
         plane, lens = result.plane, result.lens
+        if result.contradiction is not None:
+            message = safe(result.contradiction.message)
+            err.print(f"stadimeter: {safe(camera)}: {message}", soft_wrap=True)
         height_std_m, tilt_std, roll_std = (1.96 * v**0.5 for v in plane.covariance.diagonal())
         focal = f"{lens.intrinsics.fx_px:.0f} ± {1.96 * lens.std_px:.0f}" if lens else "as given"
         rows.append(

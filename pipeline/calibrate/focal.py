@@ -13,10 +13,8 @@ The fit has several minima, so it is started from several fields of view.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
@@ -32,7 +30,6 @@ from pipeline.calibrate.walkers import (
     WalkersReport,
     are_alike,
     best_fit,
-    calibrate_from_walkers,
     check_determined,
     check_enough,
     plane_of,
@@ -120,29 +117,6 @@ def calibrate_lens_from_walkers(
     return _result(best, sample, scale, measured, size_px)
 
 
-def calibrate_stored(
-    measured: Measured,
-    row: Mapping[str, Any],
-    prior: SizePrior,
-    known: Known = NOTHING_KNOWN,
-    lines_px: FloatArray | None = None,
-) -> tuple[GroundPlane, WalkersReport, FoundLens | None]:
-    """Return the pose of a stored camera and, if nothing tells it, the lens.
-
-    Args:
-        measured: the observations of one camera.
-        row: the camera, of the table `cameras`.
-        prior: as in `calibrate_from_walkers`, like the rest.
-        known: what is known in metres.
-        lines_px: straight edges.
-    """
-    if measured.intrinsics is not None or not (row["width_px"] and row["height_px"]):
-        return *calibrate_from_walkers(measured, prior, known, lines_px), None
-    size_px = row["width_px"], row["height_px"]
-    lens, plane, report = calibrate_lens_from_walkers(measured, size_px, prior, known, lines_px)
-    return plane, report, lens
-
-
 def focal_px(view_rad: float, width_px: int) -> float:
     """Return the focal length of a field of view across the picture."""
     return float(width_px / 2 / np.tan(view_rad / 2))
@@ -225,10 +199,12 @@ def _jacobian(x: FloatArray, sample: Sample, scale: Scale, pace: Pace, usual: fl
     return csr_matrix(hstack([of_pose, csr_matrix(by_focal[:, None])]))
 
 
-def _fit(sample: Sample, scale: Scale, pace: Pace, q: float, usual: float) -> OptimizeResult:
+def fit_focal(
+    sample: Sample, scale: Scale, pace: Pace, q: float, usual: float = 0.0
+) -> OptimizeResult:
     """Return the fit of pose and focal length from a q to start from.
 
-    `usual` is the logarithm of the focal length at q = 0 over the usual one.
+    `usual` is the logarithm of the focal length at q = 0 over the usual one, or any that is expected.
     """
     posed = best_fit(*scaled(sample, scale, q))
     low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, -0.3, -1.0, -0.1, *(0.4 * scale.mean_m)]
@@ -261,7 +237,7 @@ def _fit_alike(
     for turn in range(MAX_REJECTIONS + 1):
         scale = scale_of(sample, prior, known, measured, uprights)
         pace = pace_of(sample, before)
-        fits = [_fit(sample, scale, pace, q, usual) for q in starts]
+        fits = [fit_focal(sample, scale, pace, q, usual) for q in starts]
         best = min(fits, key=lambda fit: float(fit.cost))
         seen, _ = scaled(sample, scale, best.x[-1])
         alike = are_alike(seen, _of_pose(best), prior) | ~scale.of_population

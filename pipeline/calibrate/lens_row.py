@@ -9,7 +9,7 @@ from typing import Any
 from pipeline.calibrate.given import is_unsure
 from pipeline.config import CameraConfig
 from pipeline.ingest.lens import intrinsics_of, lens_of
-from pipeline.records import Exposure, FoundLens
+from pipeline.records import Exposure, FoundLens, GroundPlane
 
 _NO_LENS = dict.fromkeys(
     ("fx_px", "fy_px", "cx_px", "cy_px", "distortion_model", "distortion", "focal_std_px")
@@ -27,7 +27,7 @@ def known_lens(row: Mapping[str, Any], camera: CameraConfig) -> dict[str, Any]:
     posed = not math.isnan(camera.camera_height_m) and not math.isnan(camera.tilt_deg)
     if row["fx_px"] is not None and row["intrinsics_source"] != "walkers":
         if not is_unsure(camera, row):
-            return dict(row)
+            return {**row, "focal_std_px": None}
         return {**row, "focal_std_px": camera.focal_std_px} if posed else bare
     if camera.focal_std_px > 0 and not posed:
         return bare
@@ -62,3 +62,10 @@ def with_found(row: Mapping[str, Any], lens: FoundLens) -> dict[str, Any]:
         "focal_std_px": lens.std_px,
         "intrinsics_source": "walkers",
     }
+
+
+def with_doubt(row: Mapping[str, Any], plane: GroundPlane) -> dict[str, Any]:
+    """Return a stored camera with how unsure a pose makes its focal length, if it does."""
+    if plane.focal_covariance is None:
+        return dict(row)
+    return {**row, "focal_std_px": row["fx_px"] * math.sqrt(plane.focal_covariance[3])}

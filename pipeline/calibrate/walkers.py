@@ -68,6 +68,28 @@ class WalkersReport:
     uprights: int = 0  # edges of the place that were taken for vertical
 
 
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A pose that was fitted to walkers, and to whom of them."""
+
+    measured: Measured
+    sample: Sample
+    scale: Scale
+    fit: OptimizeResult
+
+    def result(self) -> tuple[GroundPlane, WalkersReport]:
+        """Return the pose with its covariance, and how well it is determined.
+
+        Raises:
+            CalibrationUndetermined: their tracks do not fix the pose.
+        """
+        covariance = covariance_of(self.fit, self.sample, self.scale)
+        plane = replace(plane_of(self.fit), covariance=covariance, source="walkers")
+        check_determined(plane)
+        std, edges = np.sqrt(np.diag(covariance)), len(self.scale.uprights)
+        return plane, report_of(self.fit, self.sample, self.measured, std, edges)
+
+
 def calibrate_from_walkers(
     measured: Measured,
     prior: SizePrior,
@@ -86,6 +108,16 @@ def calibrate_from_walkers(
         CalibrationUndetermined: too few people, or their tracks do not fix the pose.
         UsageError: what is known is of somebody who is not there, or makes no sense.
     """
+    return fit_walkers(measured, prior, known, lines_px).result()
+
+
+def fit_walkers(
+    measured: Measured,
+    prior: SizePrior,
+    known: Known = NOTHING_KNOWN,
+    lines_px: FloatArray | None = None,
+) -> Fitted:
+    """Return the fit of `calibrate_from_walkers`, however well it is determined."""
     check_known(known, measured)
     measured, people = chosen_tracks(measured, prior, known)
     sample = sample_of(measured, prior, people)
@@ -98,13 +130,7 @@ def calibrate_from_walkers(
         sample = only(again, np.array([i in chosen for i in again.track_id.tolist()]))
         uprights = uprights_at(lines_px, measured, best)
         sample, best = _fit_alike(sample, prior, known, measured, best, uprights)
-    scale = scale_of(sample, prior, known, measured, uprights)
-    covariance = covariance_of(best, sample, scale)
-    plane = replace(plane_of(best), covariance=covariance, source="walkers")
-    std = np.sqrt(np.diag(covariance))
-    check_determined(plane)
-    report = report_of(best, sample, measured, std, len(uprights))
-    return plane, report
+    return Fitted(measured, sample, scale_of(sample, prior, known, measured, uprights), best)
 
 
 def check_enough(sample: Sample) -> None:

@@ -90,7 +90,7 @@ COMMENT ON COLUMN cameras.cy_px IS 'Principal point, vertical.';
 COMMENT ON COLUMN cameras.distortion_model IS 'plumb_bob, rational_polynomial, equidistant, or empty.';
 COMMENT ON COLUMN cameras.distortion IS 'Coefficients of the distortion model.';
 COMMENT ON COLUMN cameras.intrinsics_source IS 'recording, camera_file, lens_data (focal length over pixel pitch, centre assumed), or walkers (found with the pose from the people who walk; square pixels, centre and no distortion assumed).';
-COMMENT ON COLUMN cameras.focal_std_px IS 'Standard error of fx_px and fy_px where they were found from walkers, now or when the camera file was written; NULL where they are given.';
+COMMENT ON COLUMN cameras.focal_std_px IS 'Standard error of fx_px and fy_px where they were found from walkers, now or when the camera file was written, or where walkers contradict lens data; NULL where they are given.';
 COMMENT ON COLUMN cameras.camera_height_m IS 'Height of the camera above the ground.';
 COMMENT ON COLUMN cameras.camera_height_std_m IS 'Its standard error.';
 COMMENT ON COLUMN cameras.tilt_rad IS 'Tilt of the optical axis below the horizon.';
