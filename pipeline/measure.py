@@ -17,6 +17,7 @@ from pipeline.records import NAN, OBSERVATIONS, Boxes, FloatArray, Frame, IntArr
 EDGE_PX = 1.5
 # Brightness inside a box is the mean over at most this many pixels in each direction.
 SAMPLES_ACROSS = 12
+_GRID = (np.arange(SAMPLES_ACROSS) + 0.5) / SAMPLES_ACROSS
 _NO_PIXELS = np.empty((0, 0, 3), dtype=np.uint8)
 
 
@@ -128,15 +129,14 @@ def luminance_inside(picture: Picture | None, boxes: Boxes) -> FloatArray:
     """Return the mean relative luminance inside each box, sampled on a grid of the picture."""
     if picture is None or not len(boxes):
         return np.full(len(boxes), NAN)
-    bbox = (boxes.bbox_xyxy_px + 0.5) / picture.reduction - 0.5
     height, width = picture.bgr.shape[:2]
-    steps = (np.arange(SAMPLES_ACROSS) + 0.5) / SAMPLES_ACROSS
-    x = bbox[:, [0]] + steps * (bbox[:, [2]] - bbox[:, [0]])
-    y = bbox[:, [1]] + steps * (bbox[:, [3]] - bbox[:, [1]])
-    columns = np.clip(np.rint(x), 0, width - 1).astype(np.intp)
-    rows = np.clip(np.rint(y), 0, height - 1).astype(np.intp)
-    pixels = picture.bgr[rows[:, :, None], columns[:, None, :]]
-    return np.asarray(relative_luminance_of(pixels).mean(axis=(1, 2)))
+    ends = (boxes.bbox_xyxy_px + 0.5) / picture.reduction - 0.5
+    low, high = ends.reshape(-1, 2, 2, 1).swapaxes(0, 1)  # (n, 2, 1) each: x and y
+    at = np.rint(low + _GRID * (high - low))
+    column, row = np.clip(at, 0, [[width - 1], [height - 1]]).astype(np.intp).swapaxes(0, 1)
+    place = row[:, :, None] * width + column[:, None, :]
+    pixels = picture.bgr.reshape(-1, 3).take(place.reshape(len(boxes), -1), axis=0)
+    return np.asarray(relative_luminance_of(pixels).mean(axis=1))
 
 
 def _blur(blurs: Sequence[Blur] | None, count: int) -> dict[str, object]:

@@ -112,8 +112,8 @@ def luminance_tables() -> npt.NDArray[np.float64]:
 
 def relative_luminance_of(bgr: Image) -> npt.NDArray[np.float64]:
     """Return the relative luminance, linear light, of pixels (..., 3) (Eq. 15)."""
-    tables = luminance_tables()
-    return np.asarray(tables[bgr[..., 0], 0] + tables[bgr[..., 1], 1] + tables[bgr[..., 2], 2])
+    light = cv2.LUT(bgr.reshape(1, -1, 3), luminance_tables()[None]).reshape(bgr.shape)
+    return np.asarray(light[..., 0] + light[..., 1] + light[..., 2])
 
 
 def _brightness(bgr: npt.NDArray[np.uint8] | cv2.typing.MatLike) -> tuple[float, float]:
