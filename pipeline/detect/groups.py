@@ -18,6 +18,7 @@ import numpy.typing as npt
 from pipeline.detect.known import SIDE, Known, Place, place
 from pipeline.detect.people import BoxArray, PersonScale
 from pipeline.picture import Image
+from pipeline.records import BoolArray
 
 # Shares of a person's height, by the proportions of the body (Drillis and Contini 1966: shoulders 0.26
 # of the stature wide, head 0.13 high, hips at 0.53).
@@ -41,6 +42,9 @@ REST = 0.3  # of the height, that must be left over to be somebody
 FOOT = 0.06  # of the height: the fewest pixels in a row that are a foot, and how much is one
 STRIDE = 0.4  # of the height: what a leg reaches up from a foot that is beside the body
 MOST = 12  # tries, at people in one silhouette
+# Who was last seen alone may differ so from what is expected of a person there: statures, and the fit.
+LIKELY = (0.5, 1.45)
+EDGE_PX = 3
 NOBODY = Known(*np.empty((3, 0)))
 
 
@@ -72,6 +76,7 @@ def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale, known: Known 
     expected = scale.height_px(boxes[:, 3], boxes[:, [0, 2]].mean(axis=1))
     size = boxes[:, 2:] - boxes[:, :2]
     large = (size[:, 0] > WIDE * expected) | (size[:, 1] > STACKED * expected)
+    known = known.take(_likely(known, scale, mask.shape[0]))
     inside = known.within(boxes)
     together = inside.sum(axis=1) > 1
     doubtful = large | together
@@ -84,9 +89,21 @@ def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale, known: Known 
             pieces = _explained(box, mask, scale, known.take(inside[i]))
         else:
             pieces = Pieces.whole(box)
+        if len(pieces.boxes) == 1 and not large[i]:
+            pieces = Pieces.whole(box)  # it may be a little taller than it was known
         found.append(pieces.boxes)
         unseen.append(pieces.unseen)
     return Pieces(np.concatenate(found), np.concatenate(unseen))
+
+
+def _likely(known: Known, scale: PersonScale, rows: int) -> BoolArray:
+    """Return who was as tall as a person is there: no parts of people, and no groups, (k,).
+
+    Whom the picture's edge cuts is as tall as what is seen of them.
+    """
+    ratio = known.tall / scale.height_px(known.foot, known.column)
+    cut = (known.foot - known.tall < EDGE_PX) | (known.foot > rows - EDGE_PX)
+    return ~((ratio > LIKELY[1]) | (~cut & (ratio < LIKELY[0])))
 
 
 def _several(box: BoxArray, mask: Image, scale: PersonScale) -> bool:

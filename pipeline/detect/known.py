@@ -29,8 +29,6 @@ SHOWN = 0.15  # of the body's area, at least, is seen of somebody: half of head 
 FOOT = 0.05  # fewest pixels in a row that are a foot
 WITHIN = 0.5  # of a body's area, that lies in a silhouette which may be theirs
 WIDEST = 0.62  # of the height: what is wider was no one person
-# Who was last seen alone may differ so from what is expected of a person there: statures, and the fit.
-LIKELY = (0.7, 1.3)
 
 
 class Known(NamedTuple):
