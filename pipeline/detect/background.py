@@ -7,7 +7,9 @@ something stands in front, so that a parked car becomes background in a minute a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -22,10 +24,14 @@ FloatImage = npt.NDArray[np.float32]
 MIN_DIFFERENCE = 10.0
 # Standard deviations of a pixel's own flicker that count (foliage, water, sensor noise).
 SPREADS = 4.5
+# What changes slowly (reflections, the sky's light, what a codec renews now and then) does so by no more:
+# clothes differ more from the ground.
+SLOW_DIFFERENCE = 30.0
 # 1.4826 turns a median absolute deviation into a standard deviation (normal distribution).
 MAD_TO_STD = 1.4826
 FOLLOW_S = 10.0  # time constant where the background shows
 ABSORB_S = 90.0  # time constant where something stands before it
+_AROUND = np.ones((5, 5), np.uint8)
 UPDATE_S = 0.8  # the background changes slowly; following it more often buys nothing
 
 
@@ -34,11 +40,10 @@ class Background:
 
     def __init__(self, pictures: Sequence[Image]) -> None:
         middle = _remedian(list(pictures))
-        deviations = [largest(cv2.absdiff(picture, middle)) for picture in pictures]
         self._mean = middle.astype(np.float32)
-        self._spread = _remedian(deviations).astype(np.float32) * np.float32(MAD_TO_STD)
+        self._spread = _spread(pictures, middle)
         self._updated_s: float | None = None
-        self._planes: list[Image] = [np.empty_like(deviations[0]) for _ in range(3)]
+        self._planes: list[Image] = [np.empty(middle.shape[:2], np.uint8) for _ in range(3)]
         self._freeze()
 
     def _freeze(self) -> None:
@@ -89,11 +94,18 @@ class Background:
         self._freeze()
         return True
 
-    def take(self, picture: Image, box: tuple[int, int, int, int]) -> None:
-        """Take a part of a picture, x0, y0, x1, y1, for the background."""
+    def take(
+        self, picture: Image, box: tuple[int, int, int, int], mask: Image | None = None
+    ) -> None:
+        """Take a part of a picture, x0, y0, x1, y1, for the background; around a mask, if given."""
         x0, y0, x1, y1 = box
-        self._mean[y0:y1, x0:x1] = picture[y0:y1, x0:x1]
-        self.mean_u8[y0:y1, x0:x1] = picture[y0:y1, x0:x1]
+        part = slice(y0, y1), slice(x0, x1)
+        if mask is None:
+            self._mean[part] = picture[part]
+        else:
+            near = cv2.dilate(mask[part], _AROUND) > 0
+            self._mean[part][near] = picture[part][near]
+        self.mean_u8[part] = cv2.convertScaleAbs(self._mean[part])
         self._sample = _sampled(self.mean_u8)
 
 
@@ -113,6 +125,27 @@ def _sampled(picture: Image) -> FloatImage:
     return picture[::step, ::step, 1].astype(np.float32) + 8
 
 
+def _spread(pictures: Sequence[Image], middle: Image) -> FloatImage:
+    """Return the standard deviation of each pixel about the middle, (h, w).
+
+    Where somebody stands for half of the time that is large, and nobody would ever be seen there: what
+    is more than things of the background change in a while must change from picture to picture.
+    """
+    deviation = _remedian([largest(cv2.absdiff(picture, middle)) for picture in pictures])
+    spread = deviation.astype(np.float32) * np.float32(MAD_TO_STD)
+    changes = [largest(cv2.absdiff(a, b)) for a, b in pairwise(pictures)]
+    if not changes:
+        return spread
+    # the difference of two pictures has twice the variance of one
+    flicker = _remedian(changes).astype(np.float32) * np.float32(MAD_TO_STD / math.sqrt(2))
+    return np.minimum(spread, np.maximum(flicker, SLOW_DIFFERENCE / SPREADS))
+
+
+def medians_of_5(images: Sequence[Image]) -> list[Image]:
+    """Return the median of each five images in order; what is left over is left out."""
+    return [_median_of_5(list(images[i : i + 5])) for i in range(0, len(images) - 4, 5)]
+
+
 def _remedian(images: list[Image]) -> Image:
     """Return the median of the medians of groups of five, over again until one is left.
 
@@ -120,7 +153,7 @@ def _remedian(images: list[Image]) -> Image:
     hundredth of the time of a sort; of 25 pictures it bears 8 that are all wrong.
     """
     while len(images) >= 5:
-        images = [_median_of_5(images[i : i + 5]) for i in range(0, len(images) - 4, 5)]
+        images = medians_of_5(images)
     if len(images) == 1:
         return images[0]
     return np.median(np.stack(images), axis=0).astype(np.uint8)

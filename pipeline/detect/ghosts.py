@@ -47,11 +47,12 @@ class Ghosts:
         return [
             box
             for box, since in still
-            if time_s - since >= STILL_S and _is_hole(box, image, background, mask)
+            if time_s - since >= STILL_S and is_hole(box, image, background, mask)
         ]
 
 
-def _is_hole(box: Box, image: Image, background: Image, mask: Image) -> bool:
+def is_hole(box: Box, image: Image, background: Image, mask: Image) -> bool:
+    """Return whether edges along the outline of what differs are the background's."""
     x0, y0 = max(box[0] - MARGIN_PX, 0), max(box[1] - MARGIN_PX, 0)
     part = slice(y0, box[3] + MARGIN_PX), slice(x0, box[2] + MARGIN_PX)
     outline = cv2.morphologyEx(mask[part], cv2.MORPH_GRADIENT, _BAND)

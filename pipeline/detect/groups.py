@@ -28,7 +28,7 @@ WIDE = 0.5  # somebody who stands is 0.3 wide, a stride up to as much: from here
 STACKED = 1.45
 # Heads are 0.13 wide, so that two that are seen are no nearer; between them the outline falls by most of
 # a head.
-HEADS_APART, VALLEY, LOWEST_HEAD = 0.14, 0.1, 0.6
+HEADS_APART, VALLEY, LOWEST_HEAD = 0.14, 0.08, 0.6
 HEAD = 0.1  # what is seen, at least, of a head above another
 TRUNK = (0.45, 1.0)  # above the feet
 REACH = 0.33  # of the axis, that legs and arms reach
@@ -76,9 +76,11 @@ def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale, known: Known 
     expected = scale.height_px(boxes[:, 3], boxes[:, [0, 2]].mean(axis=1))
     size = boxes[:, 2:] - boxes[:, :2]
     large = (size[:, 0] > WIDE * expected) | (size[:, 1] > STACKED * expected)
-    known = known.take(_likely(known, scale, mask.shape[0]))
     inside = known.within(boxes)
     together = inside.sum(axis=1) > 1
+    if together.any():
+        inside &= _likely(known, scale, mask.shape[0])
+        together = inside.sum(axis=1) > 1
     doubtful = large | together
     if not doubtful.any():
         return whole
@@ -117,7 +119,7 @@ def _several(box: BoxArray, mask: Image, scale: PersonScale) -> bool:
     first = cv2.transpose(upper).argmax(axis=1)  # columns in a row, for speed
     outline = np.where(cv2.reduce(upper, 0, cv2.REDUCE_MAX)[0], (y1 - y0) - first, 0)
     outline = outline.astype(np.float32)
-    outline = cv2.blur(outline[None], (max(round(0.06 * tall), 1), 1))[0]
+    outline = cv2.blur(outline[None], (max(round(0.03 * tall), 1), 1))[0]
     reach = 2 * max(round(HEADS_APART * tall), 1) + 1
     highest = cv2.dilate(outline[None], np.ones((1, reach), np.uint8))[0]
     peaks = ((outline >= highest) & (outline >= LOWEST_HEAD * tall)).nonzero()[0].tolist()

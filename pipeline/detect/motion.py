@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.config import DetectConfig
-from pipeline.detect.background import Background
+from pipeline.detect.background import Background, medians_of_5
 from pipeline.detect.ends import Unshaded, ends_of
-from pipeline.detect.ghosts import Box, Ghosts
+from pipeline.detect.ghosts import Box, Ghosts, is_hole
 from pipeline.detect.groups import NOBODY, Pieces, split_groups
 from pipeline.detect.known import Known
 from pipeline.detect.people import PERSON_ASPECT, PersonScale, join_parts
@@ -81,6 +81,7 @@ class MotionDetector:
         soft = [cv2.blur(p.bgr, SOFT_PX) for p in pictures if p.bgr.shape == self._shape]
         self._begin(soft)
         assert self._background is not None  # noqa: S101  (narrowing)
+        self._fill_holes(soft)
         for image in soft:
             reference = self._background.relit(image)
             differs = self._background.difference(image, reference)
@@ -91,6 +92,20 @@ class MotionDetector:
         for image in soft:
             seen = self._foreground(image, self._background.relit(image))
             self._teach(self._silhouettes(seen), seen)
+
+    def _fill_holes(self, soft: Sequence[Image]) -> None:
+        """Take those out of the background who stood there for most of the time, but not for all.
+
+        They are missing in some part of the time, and leave a hole there.
+        """
+        background = self._background
+        assert background is not None  # noqa: S101  (narrowing)
+        for image in medians_of_5(soft):
+            reference = background.relit(image)
+            mask = _joined(background.foreground(background.difference(image, reference)))
+            for box in _outlined(mask):
+                if is_hole(box, image, reference, mask):
+                    background.take(image, box, mask)
 
     def detect(
         self, frame: Frame, picture: Picture | None, expected: FloatArray | None = None

@@ -131,16 +131,17 @@ class PersonScale:
         chosen = int(agree.sum(axis=1).argmax())
         best = agree[chosen]
         roll = [[0.0, 0.0, AGREE / 2 / (ROLL * max(float(slope[chosen]), 0.05))]]
-        self._plane = None
         centre = float(np.mean(column))
         design = np.stack([np.ones(len(row)), row, column - centre], axis=1)
         for _ in range(ROUNDS):
             if best.sum() < max(MIN_SHARE * len(row), MIN_SAMPLES / 2):
-                return
+                return  # what was known before, if it was, still is the best
             weighed = np.concatenate([design[best] / tall[best, None], roll])
             plane = np.linalg.lstsq(weighed, [*np.ones(best.sum()), 0.0], rcond=None)[0]
+            if plane[1] < 0:  # a view along the ground, or few rows: a level line is as good
+                plane = np.array([np.median(tall[best]), 0.0, 0.0])
             best = np.abs(design @ plane - tall) < AGREE * tall
-        if 0 <= plane[1] < STEEPEST:
+        if plane[1] < STEEPEST:
             self._plane = np.array([plane[0] - plane[2] * centre, plane[1], plane[2]])
             self._terms = self._plane.tolist()
             self._local = _medians_nearby(

@@ -27,7 +27,7 @@ UNIT = 128
 BINS = 32  # a channel, of 8 / 256 of the range: 4 / 128 or 3 % each
 _SHIFT = 256 // BINS
 # A cast shadow leaves between a third of the light (a clear sky and a steep tone curve) and four fifths.
-DARKEST, BRIGHTEST = 0.33, 0.82
+DARKEST, BRIGHTEST = 0.33, 0.92
 # The peak: this share of all foreground, within one bin either side, and its middle in the lower part of
 # the silhouettes. Without sun, simulated scenes and `street` have up to 0.08, at half of the height.
 MIN_SHARE = 0.085

@@ -77,3 +77,29 @@ def test_a_picture_that_is_missing_or_of_another_size_does_no_harm() -> None:
     assert len(detector.detect(frame(0), None)) == 0
     for image in pictures:
         detector.detect(frame(1), image)
+
+
+@pytest.mark.parametrize("empty", ["before", "after"])
+def test_who_stands_for_most_of_the_learning_time_is_no_background(empty: str) -> None:
+    stands = Walker((320.0, 300.0), (0.0, 0.0), 120.0)
+    nobody = clip([], 10)
+    pictures = (
+        [*nobody, *clip([stands], 15)] if empty == "before" else [*clip([stands], 15), *nobody]
+    )
+    found = detect(pictures)
+    error = errors(found, stands)
+    there = slice(10, None) if empty == "before" else slice(15)
+    assert np.isnan(error[there, 0]).mean() < 0.1
+    assert np.abs(np.nanmedian(error[there][:, [1, 3]], axis=0)).max() < 4
+    assert np.isnan(error[:10, 0]).all() if empty == "before" else np.isnan(error[15:, 0]).all()
+
+
+def test_people_who_are_expected_are_told_apart() -> None:
+    pair = [Walker((150.0, 300.0), (6.0, 0.0), 120.0), Walker((183.0, 292.0), (6.0, 0.0), 116.0)]
+    images = [decoded(p) for p in clip([*pair, FAR, ACROSS], 40)]
+    detector = MotionDetector(DetectConfig())
+    detector.learn(images[:25])
+    expected = np.array([w.box(30) for w in pair], dtype=float)
+    found = detector.detect(frame(30), images[30], expected).bbox_xyxy_px
+    for true in expected:
+        assert np.abs(found[:, [1, 3]] - true[[1, 3]]).max(axis=1).min() < 6

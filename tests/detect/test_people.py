@@ -164,3 +164,14 @@ def test_what_does_not_move_is_one_sample() -> None:
     for _ in range(200):
         scale.learn(np.array([[40, 100, 70, 190]]))
     assert not scale.known
+
+
+def test_a_view_along_the_ground_has_people_of_one_height_everywhere() -> None:
+    random = np.random.default_rng(3)
+    foot = random.uniform(140, 150, 120)
+    tall = 60 - 0.3 * (foot - 145) + random.normal(0, 1.5, 120)  # the nearer happen to be shorter
+    left = random.uniform(0, 300, 120)
+    scale = PersonScale()
+    scale.learn(np.stack([left, foot - tall, left + 20, foot], axis=1).round().astype(np.intp))
+    assert scale.known
+    np.testing.assert_allclose(scale.height_px([140.0, 150.0], 100.0), 60, rtol=0.05)
