@@ -10,13 +10,14 @@ import re
 from pathlib import Path
 
 import duckdb
+import pyarrow as pa
 
 from pipeline.errors import StoreError, Where
 from pipeline.store.schema import SCHEMA_VERSION
 
-# A run's memory is to stay flat: what does not fit (the sorting of a day's rows) goes to disk, in a
-# folder beside the database. Readers take what they need.
-WRITING_MEMORY = "256MB"
+# A run's memory is to stay flat, so no statement of it may ask for all of a recording at once; a day has
+# been taken in and estimated with this. Readers take what they need.
+WRITING_MEMORY = "64MB"
 CONFIG = {
     "autoinstall_known_extensions": "false",
     "autoload_known_extensions": "false",
@@ -37,6 +38,8 @@ def connect(path: Path, *, read_only: bool) -> duckdb.DuckDBPyConnection:
         raise StoreError("there is no such database", where=where, remedy=_MAKE_ONE)
     try:
         if not read_only:
+            # Arrow's own allocator keeps what it ever had, 100 MB; the system's gives it back.
+            pa.set_memory_pool(pa.system_memory_pool())
             path.parent.mkdir(parents=True, exist_ok=True)
         config = CONFIG if read_only else CONFIG | {"memory_limit": WRITING_MEMORY}
         connection = duckdb.connect(str(path), read_only=read_only, config=config)

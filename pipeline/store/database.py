@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import duckdb
 import pyarrow as pa
@@ -26,11 +26,11 @@ from pipeline.records import PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
 from pipeline.store.by_tracks import observed, tracks_of
 from pipeline.store.catalog import View, views
 from pipeline.store.connection import connect
+from pipeline.store.exposures import exposure_verdicts
+from pipeline.store.matches import add_matches
+from pipeline.store.parts import read_part
 from pipeline.store.precision import kept
 from pipeline.store.schema import apply_schema, is_current
-
-if TYPE_CHECKING:
-    from pyarrow.dataset import Dataset
 
 # What one recording has rows in; deleting these forgets it.
 RECORDING_TABLES = (
@@ -244,10 +244,7 @@ class Store:
         )
         for table in PASS_ONE:
             self._insert_part(table, parts, recording_id, recording.path.name, run_id)
-        self._connection.execute(
-            "INSERT INTO matches BY NAME FROM accuracy.match_candidates(?)",
-            [recording_id],
-        )
+        add_matches(self._connection, recording_id)
         return recording_id
 
     def forget(self, recording_id: str) -> None:
@@ -309,29 +306,30 @@ class Store:
     def _insert_part(
         self, table: str, parts: Path, recording_id: str, file_name: str, run_id: str
     ) -> None:
-        with self._incoming("part", _part(parts, table)):
-            source = f"SELECT ? AS recording_id, {_known(table)} FROM part"
-            values = [recording_id]
-            if table == "diagnostics":
-                source = f"SELECT ? AS run_id, ? AS file_name, * FROM ({source})"
-                values = [run_id, file_name, recording_id]
-            if table == "observations":
-                source += " SEMI JOIN (FROM tracks WHERE recording_id = ?) USING (camera, track_id)"
-                values.append(recording_id)
-            if table in _ORDER:
-                source += f" ORDER BY {_ORDER[table]}"
-            self._connection.execute(f"INSERT INTO {table} BY NAME {source}", values)
+        source = f"SELECT ? AS recording_id, {_known(table)} FROM part"
+        values = [recording_id]
+        if table == "diagnostics":
+            source = f"SELECT ? AS run_id, ? AS file_name, * FROM ({source})"
+            values = [run_id, file_name, recording_id]
+        if table == "observations":
+            source += " SEMI JOIN (FROM tracks WHERE recording_id = ?) USING (camera, track_id)"
+            values.append(recording_id)
+        # They come by time already: to sort some at a time is enough, and needs the memory of some.
+        if table in _ORDER:
+            source += f" ORDER BY {_ORDER[table]}"
+        for rows in read_part(parts, table):
+            with self._incoming("part", _once(rows)):
+                self._connection.execute(f"INSERT INTO {table} BY NAME {source}", values)
 
     @contextmanager
-    def _incoming(
-        self, name: str, rows: pa.Table | pa.RecordBatchReader | Dataset
-    ) -> Iterator[None]:
+    def _incoming(self, name: str, rows: pa.Table | pa.RecordBatchReader) -> Iterator[None]:
         """Let SQL see Arrow rows under a name."""
         self._connection.register(name, rows)
         try:
             yield
         finally:
-            self._connection.unregister(name)
+            with suppress(duckdb.Error):  # after an error, which is what is to be told
+                self._connection.unregister(name)
 
     def write_estimates(
         self,
@@ -362,10 +360,7 @@ class Store:
     def add_estimates(self, recording_id: str, run_id: str, made: Mapping[str, pa.Table]) -> None:
         """Add rows of the tables of pass 2; call inside a transaction."""
         for table, rows in made.items():
-            # What is registered is held until the transaction ends. A reader that was read holds nothing.
-            mine = rows.select(PASS_TWO[table].names)
-            once = pa.RecordBatchReader.from_batches(mine.schema, iter(mine.to_batches()))
-            with self._incoming("incoming", once):
+            with self._incoming("incoming", _once(rows.select(PASS_TWO[table].names))):
                 self._connection.execute(
                     f"INSERT INTO {table} BY NAME SELECT ? AS recording_id, ? AS run_id, "
                     f"{_known(table)} FROM incoming ORDER BY {_ORDER[table]}",
@@ -452,17 +447,8 @@ class Store:
         ).to_arrow_table()
 
     def exposure_verdicts(self, recording_id: str) -> pa.Table:
-        """Return how many frames of each camera have each verdict of `main.exposure_checks`."""
-        return self._connection.sql(
-            """
-            SELECT camera, verdict, count(*) AS frames, min(frame_index) AS first_frame_index,
-                arg_min(capture_time_ns, frame_index) AS first_time_ns,
-                max(greatest(abs(departure_ev), abs(step_ev))) AS most_ev
-            FROM main.exposure_checks WHERE recording_id = ? AND verdict <> 'agrees'
-            GROUP BY ALL ORDER BY ALL
-            """,
-            params=[recording_id],
-        ).to_arrow_table()
+        """Return how frames of each camera are judged: `exposures.exposure_verdicts`."""
+        return exposure_verdicts(self._connection, recording_id)
 
     def recordings(self) -> pa.Table:
         """Return all recordings."""
@@ -514,16 +500,12 @@ def new_run_id() -> str:
     return uuid.uuid4().hex[:12]
 
 
-def _part(folder: Path, table: str) -> Dataset:
-    """Return what pass 1 wrote for a table: `<table>.parquet`, or `<table>-*.parquet` in order."""
-    files = [folder / f"{table}.parquet"]
-    if not files[0].exists():
-        files = sorted(folder.glob(f"{table}-*.parquet"))
-    if not files:
-        raise StoreError(f"pass 1 left no {table}", where=Where(folder))
-    from pyarrow.dataset import dataset  # takes pandas along: half a second for who only reads
+def _once(rows: pa.Table) -> pa.RecordBatchReader:
+    """Return rows to be read once.
 
-    return dataset(files, schema=PASS_ONE[table], format="parquet")
+    What is registered is held until the transaction ends. A reader that was read holds nothing.
+    """
+    return pa.RecordBatchReader.from_batches(rows.schema, iter(rows.to_batches()))
 
 
 def _known(table: str) -> str:

@@ -24,6 +24,7 @@ from pipeline.store.manifest import (
     file_sha256,
     read_manifests,
 )
+from pipeline.store.parts import batches
 from pipeline.store.schema import apply_schema
 
 SHARED_TABLES = (*RECORDING_TABLES, "runs", "calibrations")
@@ -79,9 +80,8 @@ def take_rows(store: Store, recording_id: str | None, files: Mapping[str, Path])
         store.forget(recording_id)
     for table, path in files.items():
         with pq.ParquetFile(path) as file:
-            store.take(
-                table, pa.RecordBatchReader.from_batches(file.schema_arrow, file.iter_batches())
-            )
+            rows = pa.RecordBatchReader.from_batches(file.schema_arrow, batches(file))
+            store.take(table, rows)
 
 
 def _repeating(schema: pa.Schema) -> list[str]:

@@ -11,6 +11,7 @@ from scipy.stats import linregress
 from pipeline.exposure_check import exposure_notes
 from pipeline.records import CALIBRATIONS, ESTIMATES, OBSERVATION_QUALITY, TRACK_HEIGHTS
 from pipeline.store.database import Store
+from pipeline.store.exposures import exposure_verdicts
 from tests.store.rows import ingest, recording, start, table
 
 FRAMES = 40
@@ -154,3 +155,33 @@ def test_the_effect_of_exposure_is_a_regression(store: Store, tmp_path: Path) ->
     assert row["slope_percent_per_ev"] == pytest.approx(expected.slope, rel=1e-3)
     assert row["slope_std_error_percent"] == pytest.approx(expected.stderr, rel=1e-3)
     assert row["r2"] == pytest.approx(expected.rvalue**2, rel=1e-3)
+
+
+@pytest.mark.parametrize("stretch", [3, 7, 39])
+def test_stretches_say_what_the_whole_says(store: Store, tmp_path: Path, stretch: int) -> None:
+    def luminance(values: np.ndarray) -> np.ndarray:
+        values = values * np.where(np.arange(FRAMES) >= 26, 3.0, 1.0)  # a step
+        values[9] *= 4.0
+        values[20] = np.nan
+        return values
+
+    def clipped(values: np.ndarray) -> np.ndarray:
+        return np.where(np.isin(np.arange(FRAMES), [3, 33]), 0.2, values)
+
+    exposed(store, tmp_path, luminance=luminance, clipped_fraction=clipped)
+    key = recording().recording_id
+    expected = store.query(
+        """
+        SELECT camera, verdict, count(*) AS frames, min(frame_index) AS first_frame_index,
+            arg_min(capture_time_ns, frame_index) AS first_time_ns,
+            max(greatest(abs(departure_ev), abs(step_ev))) AS most_ev
+        FROM main.exposure_checks WHERE verdict <> 'agrees' GROUP BY ALL ORDER BY ALL
+        """
+    ).to_pylist()
+    assert [row["verdict"] for row in expected] == ["clipped", "departs", "steps"]
+    assert exposure_verdicts(store._connection, key, stretch).to_pylist() == expected
+    assert store.exposure_verdicts(key).to_pylist() == expected
+
+
+def test_what_is_not_there_has_no_verdict(store: Store) -> None:
+    assert store.exposure_verdicts("nothing").num_rows == 0

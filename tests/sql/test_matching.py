@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.store.database import Store
+from pipeline.store.matches import add_matches
 from tests.store.rows import ingest, recording, start
 
 EDGES = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")
@@ -161,6 +162,36 @@ def test_what_is_true_comes_along(store: Store, tmp_path: Path) -> None:
         "true_height_m": None,
     }
     assert {name: row[name] for name in expected} == expected
+
+
+def test_stretches_of_frames_say_what_the_whole_says(store: Store, tmp_path: Path) -> None:
+    """The id `a` is known to the truth, though only in a frame of another stretch."""
+    box, other = (0, 0, 10, 10), (50, 0, 60, 10)
+    seen = [box, other, box, other, box, box]
+    key = ingest(
+        store,
+        start(store),
+        tmp_path,
+        recording(),
+        observations={
+            "frame_index": [0, 0, 3, 3, 4, 9],
+            "track_id": [0, 1, 0, 1, 0, 2],
+            "object_id": ["a", "x", None, "x", "a", "a"],
+            **boxes(seen),
+        },
+        ground_truth={
+            "frame_index": [0, 0, 3, 3, 4, 8, 9],
+            "object_id": ["b", "c", "b", "c", "b", "a", "b"],
+            **boxes([*seen[:5], box, box]),
+        },
+    )
+    whole = store.read("matches", key).to_pylist()
+    assert pairs(whole) == {(1, "c", "overlap"), (2, "b", "overlap"), (3, "c", "overlap")}
+    for stretch in (1, 2, 4):
+        with store.transaction():
+            store._connection.execute("DELETE FROM matches")
+            add_matches(store._connection, key, stretch)
+        assert store.read("matches", key).to_pylist() == whole
 
 
 def iou(a: np.ndarray, b: np.ndarray) -> float:

@@ -4,20 +4,29 @@
 -- 1. By object_id, where the recording's truth for that camera knows the observation's object_id.
 -- 2. Else by overlap: intersection over union of the boxes at least 0.5, and each the other's best.
 --    An observation whose object_id means nothing to the truth (another numbering) comes here too.
+-- Frames have nothing to do with each other: a day is matched by stretches of them.
 -- An observation has one true object at most, a true object one observation at most a frame.
-CREATE OR REPLACE MACRO accuracy.match_candidates(recording) AS TABLE
-WITH truth AS (
-    SELECT * FROM main.ground_truth WHERE recording_id = recording
+CREATE OR REPLACE MACRO accuracy.match_candidates(
+    recording, first_frame := NULL, last_frame := NULL
+) AS TABLE
+WITH named AS (
+    SELECT DISTINCT camera, object_id FROM main.ground_truth WHERE recording_id = recording
+),
+truth AS (
+    SELECT * FROM main.ground_truth
+    WHERE recording_id = recording
+        AND (first_frame IS NULL OR frame_index BETWEEN first_frame AND last_frame)
 ),
 observed AS (
     SELECT
         observations.*,
         EXISTS (
-            FROM truth
-            WHERE truth.camera = observations.camera AND truth.object_id = observations.object_id
+            FROM named
+            WHERE named.camera = observations.camera AND named.object_id = observations.object_id
         ) AS is_known
     FROM main.observations
     WHERE recording_id = recording
+        AND (first_frame IS NULL OR frame_index BETWEEN first_frame AND last_frame)
 ),
 pairs AS (
     SELECT
@@ -81,8 +90,12 @@ SELECT
 FROM matched
 JOIN truth USING (camera, frame_index, object_id)
 JOIN observed USING (observation_index)
-LEFT JOIN (FROM main.frames WHERE recording_id = recording) AS frames
+LEFT JOIN (
+    FROM main.frames
+    WHERE recording_id = recording
+        AND (first_frame IS NULL OR frame_index BETWEEN first_frame AND last_frame)
+) AS frames
     ON frames.camera = truth.camera AND frames.frame_index = truth.frame_index
 ORDER BY truth.camera, truth.frame_index, matched.observation_index;
 
-COMMENT ON MACRO TABLE accuracy.match_candidates IS 'Which observation of a recording is which true object? recording: a recording_id. By object_id where the truth of that camera knows the observation''s; else by overlap: intersection over union at least 0.5, each the other''s best.';
+COMMENT ON MACRO TABLE accuracy.match_candidates IS 'Which observation of a recording is which true object? recording: a recording_id; first_frame, last_frame: of these frames only. By object_id where the truth of that camera knows the observation''s; else by overlap: intersection over union at least 0.5, each the other''s best.';
