@@ -252,7 +252,8 @@ class FirstPass:
             return None  # it is reported when its turn comes
 
     def _decode(self, frame: Frame, *, whole: bool = False) -> Timed:
-        full = whole or self.stages[frame.camera].detector.full_resolution
+        detector = self.stages[frame.camera].detector
+        full = whole or detector.full_resolution
         limits = self.config.limits
         with Stopwatch() as watch:
             picture = decode(
@@ -263,6 +264,8 @@ class FirstPass:
                 min_side_px=self.config.detect.min_side_px,
                 layout=frame.layout,
             )
+            if not whole:
+                picture = detector.prepared(picture)
         return Timed(picture, watch.spent)
 
     def _decoded(self, pool: Executor) -> Iterator[Decoded]:

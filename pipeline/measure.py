@@ -35,7 +35,7 @@ class Seen(NamedTuple):
         frame = replace(self.frame, image=b"")
         if self.picture is None:
             return self._replace(frame=frame)
-        return self._replace(frame=frame, picture=replace(self.picture, bgr=_NO_PIXELS))
+        return self._replace(frame=frame, picture=replace(self.picture, bgr=_NO_PIXELS, soft=None))
 
 
 def observe(

@@ -43,6 +43,7 @@ class Picture:
     reduction: int
     luminance: float  # mean relative luminance, linear light, 0..1
     clipped_fraction: float
+    soft: Image | None = None  # `bgr` as the detector wants it, where it was made while decoding
 
 
 def decode(

@@ -36,6 +36,9 @@ class Detector(Protocol):
     def full_resolution(self) -> bool:
         """Whether it needs every pixel of the stored picture."""
 
+    def prepared(self, picture: Picture) -> Picture:
+        """Return a picture with what can be done to it alone: in any order, in several threads."""
+
     def learn(self, pictures: Sequence[Picture]) -> None:
         """Look at pictures spread over the first `learning_s`; called once, if that is positive."""
 

@@ -8,6 +8,7 @@ Lengths are shares of the picture or of the object, never pixels: a recording ma
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import hypot
 from typing import NamedTuple
 
@@ -72,13 +73,17 @@ class MotionDetector:
         self._shadow = ShadowLight()
         self._ghosts = Ghosts()
 
+    def prepared(self, picture: Picture) -> Picture:
+        """Return a picture with less noise beside it."""
+        return picture if picture.soft is not None else replace(picture, soft=_softened(picture))
+
     def learn(self, pictures: Sequence[Picture]) -> None:
         """Learn background, light and people from pictures spread over time, of the commonest size."""
         shapes = [p.bgr.shape for p in pictures]
         if not shapes:
             return
         self._shape = max(set(shapes), key=shapes.count)
-        soft = [cv2.blur(p.bgr, SOFT_PX) for p in pictures if p.bgr.shape == self._shape]
+        soft = [_softened(p) for p in pictures if p.bgr.shape == self._shape]
         self._begin(soft)
         assert self._background is not None  # noqa: S101  (narrowing)
         self._fill_holes(soft)
@@ -113,7 +118,7 @@ class MotionDetector:
         """Return what stands before the background."""
         if picture is None:
             return Boxes.empty()
-        image = cv2.blur(picture.bgr, SOFT_PX)
+        image = _softened(picture)
         if self._background is None or picture.bgr.shape != self._shape:
             # A new picture size is a new view: begin again with what is there.
             self._shape = picture.bgr.shape
@@ -221,6 +226,12 @@ class MotionDetector:
             np.array(spreads) * picture.reduction,
             (None,) * len(edges),
         )
+
+
+def _softened(picture: Picture) -> Image:
+    if picture.soft is not None:
+        return picture.soft
+    return np.asarray(cv2.blur(picture.bgr, SOFT_PX), np.uint8)
 
 
 def _joined(mask: Image) -> Image:

@@ -102,6 +102,10 @@ class OnnxDetector:
         self._names = tuple(names)
         self._kept = _kept(self._names, self._config.classes)
 
+    def prepared(self, picture: Picture) -> Picture:
+        """Return it as it is."""
+        return picture
+
     def learn(self, pictures: Sequence[Picture]) -> None:
         """Learn nothing."""
 

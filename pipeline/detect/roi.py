@@ -43,6 +43,10 @@ class RoiDetector:
             )
         self._roi = camera.roi_xyxy_px
 
+    def prepared(self, picture: Picture) -> Picture:
+        """Return it as it is."""
+        return picture
+
     def learn(self, pictures: Sequence[Picture]) -> None:
         """Learn nothing."""
 

@@ -103,3 +103,17 @@ def test_people_who_are_expected_are_told_apart() -> None:
     found = detector.detect(frame(30), images[30], expected).bbox_xyxy_px
     for true in expected:
         assert np.abs(found[:, [1, 3]] - true[[1, 3]]).max(axis=1).min() < 6
+
+
+def test_pictures_may_be_prepared_elsewhere() -> None:
+    images = [decoded(p) for p in clip([ACROSS], 30)]
+    found = []
+    for ready in (False, True):
+        detector = MotionDetector(DetectConfig())
+        pictures = [detector.prepared(image) if ready else image for image in images]
+        assert all((picture.soft is not None) == ready for picture in pictures)
+        detector.learn(pictures[:25])
+        found.append([detector.detect(frame(i), p) for i, p in enumerate(pictures)])
+    assert sum(len(boxes) for boxes in found[0]) > 20
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one.bbox_xyxy_px, other.bbox_xyxy_px)
