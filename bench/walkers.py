@@ -26,8 +26,9 @@ from pipeline.calibrate.walkers import calibrate_from_walkers
 from pipeline.config import ADULT, POPULATION_MEAN_STD_M, Config
 from pipeline.console import out, print_rows
 from pipeline.errors import CalibrationUndetermined
-from pipeline.estimate import fused, ground, size
+from pipeline.estimate import ground, size
 from pipeline.estimate.columns import Measured
+from pipeline.estimate.combine import fuse
 from pipeline.estimate.gait import EXCURSION_M, GAIT_DROP_M, GAIT_DROP_STD_M, as_standing
 from pipeline.estimate.reach import with_reach
 from pipeline.estimate.tracks import track_heights
@@ -239,7 +240,7 @@ def score(simulated: Scene, plane: GroundPlane, method: Method = Method.FUSED) -
         Method.GROUND: ground.estimate(geometry),
         Method.SIZE: size.estimate(geometry, Config()),
     }
-    found = fused.estimate(geometry, members)
+    found, _ = fuse(geometry, members, quality, Config())
     if method is not Method.FUSED:
         speed_m_s, found = found.speed_m_s, members[method]
         as_standing(measured, found, speed_m_s, found.height_assumed)

@@ -134,7 +134,11 @@ def assess(m: Measured) -> Quality:
 
 
 def against_track(
-    m: Measured, height_m: FloatArray, height_noise_m: FloatArray, quality: Quality | None = None
+    m: Measured,
+    height_m: FloatArray,
+    height_noise_m: FloatArray,
+    quality: Quality | None = None,
+    correlation_s: FloatArray | None = None,
 ) -> AgainstTrack:
     """Compare the height in each frame with the median of the frames that show the track whole.
 
@@ -143,6 +147,7 @@ def against_track(
         height_m: by the ground, as it is seen in each frame, (n,).
         height_noise_m: standard deviation of what differs from frame to frame, (n,).
         quality: what the boxes alone tell; `assess(m)` where it is left out.
+        correlation_s: how long errors last, (n,), where their tracks tell it.
     """
     found = assess(m) if quality is None else quality
     whole = np.isfinite(height_m) & (m.occlusion < CLEAR_OCCLUSION)
@@ -159,7 +164,7 @@ def against_track(
             off = np.nan_to_num((height_m - middle_m) / noise_m)
     apart = pd.Series(np.abs(chosen.to_numpy() - middle_m)).groupby(m.track_id)
     spread_m = 1.4826 * apart.transform("median").to_numpy(dtype=np.float64)
-    independent = np.maximum(count * independent_share(m), 1.0)
+    independent = np.maximum(count * independent_share(m, correlation_s), 1.0)
     std_m = np.sqrt(np.pi / 2) * np.maximum(spread_m, GAIT_STD_M) / np.sqrt(independent)
     middle_m = np.where(count >= MIN_WHOLE, middle_m, np.nan)
     with np.errstate(invalid="ignore"):

@@ -150,7 +150,7 @@ def test_a_wall_and_a_second_person_show_without_any_pose() -> None:
 def test_a_wall_and_a_second_person_show_beside_the_tracks_height() -> None:
     m = wall_and_second_person()
     clean = assess(walk()[0])  # as if the boxes alone told nothing
-    track = beside_track(m, ground.estimate(Geometry(m)), clean)
+    track = beside_track(Geometry(m), ground.estimate(Geometry(m)), clean)
     found = with_track(clean, track)
     np.testing.assert_array_equal(np.flatnonzero(~found.contact_visible), np.arange(20, 25))
     np.testing.assert_array_equal(np.flatnonzero(~found.alone), np.arange(40, 44))

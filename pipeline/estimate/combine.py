@@ -153,14 +153,7 @@ def estimate_tracks(
     if np.isfinite(by_blur.depth_m).any():
         made[Method.DEFOCUS] = by_blur
     if made:
-        by_ground = made.get(Method.GROUND)
-        track = fused.beside_track(geometry.measured, by_ground, quality) if by_ground else None
-        if by_ground and track:
-            quality = with_track(quality, track)
-            with_doubt(geometry, by_ground, track, config.size_prior)
-        best = fused.estimate(geometry, made, track)
-        if by_ground:
-            best.height_doubt_m = by_ground.height_doubt_m
+        best, quality = fuse(geometry, made, quality, config)
         for member in made.values():
             as_standing(measured, member, best.speed_m_s, member.height_assumed)
         made[Method.FUSED] = best
@@ -174,6 +167,23 @@ def estimate_tracks(
         pa.concat_tables([TRACK_HEIGHTS.empty_table(), *heights]),
         quality.table(measured),
     )
+
+
+def fuse(
+    geometry: Geometry, made: dict[Method, Estimated], quality: Quality, config: Config
+) -> tuple[Estimated, Quality]:
+    """Return the best of all methods, and how good the boxes are beside their tracks.
+
+    What the ground says of tracks that may be no one person is widened in place.
+    """
+    by_ground = made.get(Method.GROUND)
+    if by_ground is None:
+        return fused.estimate(geometry, made), quality
+    track = fused.beside_track(geometry, by_ground, quality)
+    with_doubt(geometry, by_ground, track, config.size_prior)
+    best = fused.estimate(geometry, made, track)
+    best.height_doubt_m = by_ground.height_doubt_m
+    return best, with_track(quality, track)
 
 
 def camera_blur(measured: Measured, config: Config) -> defocus.CameraBlur:

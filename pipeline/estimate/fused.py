@@ -69,7 +69,7 @@ def estimate(
     of_prior = fused.height_assumed.copy()
     if plane is not None and Method.GROUND in members:
         by_ground = members[Method.GROUND]
-        track = track or beside_track(m, by_ground)
+        track = track or beside_track(geometry, by_ground)
         of_prior &= ~use_head(fused, geometry, plane, by_ground, track)
     _smooth(fused, geometry, plane, members.get(Method.GROUND))
     if plane is not None:
@@ -78,10 +78,17 @@ def estimate(
     return fused
 
 
-def beside_track(m: Measured, ground: Estimated, quality: Quality | None = None) -> AgainstTrack:
+def beside_track(
+    geometry: Geometry, ground: Estimated, quality: Quality | None = None
+) -> AgainstTrack:
     """Return the height of each observation by the ground beside that of its track."""
     noise_m = np.sqrt(np.maximum(ground.height_std_m**2 - ground.height_common_std_m**2, 0.0))
-    return against_track(m, ground.height_m, noise_m, quality)
+    return against_track(geometry.measured, ground.height_m, noise_m, quality, _lasts_s(geometry))
+
+
+def _lasts_s(geometry: Geometry) -> FloatArray | None:
+    """Return how long errors last, (n,), where that is known."""
+    return None if geometry.scatter is None else geometry.scatter.correlation_s
 
 
 def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
@@ -228,8 +235,7 @@ def _smooth(
     m = geometry.measured
     position, covariance = _places(fused, geometry, plane)
     # Boxes repeat their errors; the swing of the feet about its mean does not, it comes back every step.
-    lasts_s = geometry.scatter.correlation_s if geometry.scatter is not None else None
-    share = independent_share(m, lasts_s)[:, None, None]
+    share = independent_share(m, _lasts_s(geometry))[:, None, None]
     stride = _stride(fused, geometry, plane, ground)
     lasting = (covariance - stride) / share
     inflated = lasting + stride

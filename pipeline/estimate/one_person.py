@@ -32,7 +32,6 @@ BAD_SHARE, MOST_SHARE, BAD_STD_M = 0.04, 0.25, 0.3
 WIDE_M, WIDE_STEP_M = 0.8, 0.1
 # Half of a 95 % interval in standard deviations, and what is outside.
 HALF_WIDTH, OUTSIDE, BISECTIONS = 1.96, 0.05, 12
-MOST = 0.5  # of the depth that may be in doubt
 DEGREES_OF_FREEDOM = 4.0  # of Student's t: children walk about among adults, too
 
 
@@ -67,14 +66,9 @@ def with_doubt(
     plane = m.ground_plane
     if plane is None:
         return
-    # Either end may be the one that is off: at the feet it is the depth's error too. Along the head's
-    # ray it is lower the farther away.
-    y_h, tilt = geometry.head[:, 1], plane.tilt_rad
-    lower = np.abs(y_h * np.cos(tilt) + np.sin(tilt))
-    by_depth = lower / (np.cos(tilt) - y_h * np.sin(tilt)) / np.cos(tilt)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        depth_doubt_m = np.minimum(doubt_m / np.sqrt(2) / by_depth, MOST * ground.depth_m)
-    depth_doubt_m = np.nan_to_num(depth_doubt_m)
+    # If it is the lower end that is off, its ray passes so far above the ground and meets it beyond.
+    farther = ground.y_m * np.cos(plane.tilt_rad) / plane.camera_height_m
+    depth_doubt_m = np.nan_to_num(doubt_m * farther)
     ground.depth_common_std_m = np.hypot(ground.depth_common_std_m, depth_doubt_m)
     ground.depth_std_m = np.hypot(ground.depth_std_m, depth_doubt_m)
 

@@ -29,11 +29,15 @@ TAILS = 3.0  # standard deviations: more is hidden feet or a second person, and 
 PRIOR_FRAMES = 4.0
 # Longer than a stride, so that the gait averages out, and than a detector's errors mostly last.
 BLOCK_S = 2.0
-PRIOR_BLOCKS = 3.0
+PRIOR_BLOCKS = 1.0
 # A track that is shorter is worse than its boxes say, by the square: of rendered recordings, errors of
-# tracks of 3 s are 1.5 times what they are stated to be, of 1.5 s three times.
-SHORT_S = 3.0
-BEST, WORST = 0.1, 25.0  # of the ratio of variances: nobody's boxes are exact, and worse is useless
+# tracks of 3 s are 1.5 times what they are stated to be, of 1.5 s three times. (A clip may be as short,
+# and nobody lost.)
+SHORT_S, WORST_SHORT = 3.0, 3.0
+BEST, WORST = (
+    0.03,
+    25.0,
+)  # of the ratio of variances: nobody's boxes are exact, and worse is useless
 SHORTEST_S = 0.05
 
 
@@ -80,9 +84,11 @@ def scatter_of(m: Measured, ground: Estimated, swing_m: FloatArray) -> Scatter:
     step_s = tracks["time_s"].diff().groupby(frame["track_id"]).median()
     correlation_s = _correlation_s(frame, of_track["square"], step_s)
     independent = of_track["count"] * (step_s / correlation_s).clip(upper=1.0)
-    own = (of_track["square"] - (1 - of_track["box"])) / of_track["box"]
+    # Less than stated is the box's alone, beside the gait; more may be either's.
+    square, box = of_track["square"], of_track["box"]
+    own = square.where(square > 1, (square - (1 - box)) / box)
     # A track is short where the detector lost somebody, or found what is nobody.
-    prior = 1.0 + (SHORT_S / (of_track["time_s"] * step_s)) ** 2
+    prior = 1.0 + ((SHORT_S / (of_track["time_s"] * step_s)) ** 2).clip(upper=WORST_SHORT)
     ratio = PRIOR_FRAMES * prior + independent * own.clip(lower=0.0)
     ratio = ratio / (PRIOR_FRAMES + independent)
     ratio = ratio.clip(BEST, WORST).fillna(1.0)

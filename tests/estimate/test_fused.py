@@ -186,9 +186,9 @@ def test_somebody_who_stands_is_not_made_taller() -> None:
     assert heights["height_m"][0] == pytest.approx(1.75, abs=0.005)
 
 
-def within(z: list[np.ndarray]) -> float:
-    """Return the share of errors inside their 95 % interval."""
-    return float(np.nanmean(np.abs(np.concatenate(z)) < 1.96))
+def within(z: list[np.ndarray], half_width: float = 1.96) -> float:
+    """Return the share of errors inside their interval, the 95 % one."""
+    return float(np.nanmean(np.abs(np.concatenate(z)) < half_width))
 
 
 @pytest.mark.slow
@@ -203,11 +203,12 @@ def test_it_is_no_worse_than_its_best_member_and_knows_how_good_it_is(wall_share
         ratios.append(found[-1].depth_relative_rms / best.depth_relative_rms)
     assert np.median(ratios) < 0.95
     assert np.max(ratios) < 1.05
-    assert within([f.depth_z for f in found]) > 0.93
-    assert within([f.frame_height_z for f in found]) > 0.90
-    # twelve people a camera: 240 heights, known to three in a hundred
-    # behind a wall, seen steeply, frames without feet draw a track's median down by centimetres
-    assert (0.82 if wall_share else 0.92) < within([f.height_z for f in found]) <= 1.0
+    # Twelve people a camera: 240 heights, known to three in a hundred. Nor is anything far too wide, so
+    # that all would be inside: the 50 % intervals do not hold nine in ten.
+    for name in ("depth_z", "frame_height_z", "height_z"):
+        z = [getattr(f, name) for f in found]
+        assert 0.95 < within(z) < 0.997
+        assert 0.5 < within(z, 0.6745) < 0.82
 
 
 @pytest.mark.slow

@@ -57,7 +57,7 @@ def walk(tall_m: float, class_name: str = "person") -> tuple:
     geometry = replace(Geometry(m), scatter=Scatter(np.full(n, 2.0), np.full(n, 0.5)))
     made = ground.estimate(geometry)
     before = made.height_std_m.copy(), made.depth_std_m.copy()
-    with_doubt(geometry, made, beside_track(m, made), [ADULT])
+    with_doubt(geometry, made, beside_track(geometry, made), [ADULT])
     return made, made.height_std_m / before[0], made.depth_std_m / before[1]
 
 
