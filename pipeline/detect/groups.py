@@ -45,6 +45,9 @@ MOST = 12  # tries, at people in one silhouette
 # Who was last seen alone may differ so from what is expected of a person there: statures, and the fit.
 LIKELY = (0.5, 1.45)
 EDGE_PX = 3
+# Feet are hidden if the silhouette ends so far above them, and begins so near to where the head must be.
+HIDDEN, SAME_HEAD = 0.12, 0.08
+LIKELY_ALONE = 1.25  # and the height is one that is expected there
 NOBODY = Known(*np.empty((3, 0)))
 
 
@@ -82,9 +85,11 @@ def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale, known: Known 
         inside &= _likely(known, scale, mask.shape[0])
         together = inside.sum(axis=1) > 1
     doubtful = large | together
+    if (inside.sum(axis=1) == 1)[~doubtful].any():
+        whole = _with_feet(boxes, inside & ~doubtful[:, None], known, scale, mask.shape[0])
     if not doubtful.any():
         return whole
-    found, unseen = [boxes[~doubtful]], [whole.unseen[~doubtful]]
+    found, unseen = [whole.boxes[~doubtful]], [whole.unseen[~doubtful]]
     for i in np.flatnonzero(doubtful).tolist():
         box = boxes[i]
         if together[i] or _several(box, mask, scale):
@@ -96,6 +101,30 @@ def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale, known: Known 
         found.append(pieces.boxes)
         unseen.append(pieces.unseen)
     return Pieces(np.concatenate(found), np.concatenate(unseen))
+
+
+def _with_feet(
+    boxes: BoxArray, inside: BoolArray, known: Known, scale: PersonScale, rows: int
+) -> Pieces:
+    """Return silhouettes down to the feet of whom is known, where something hides them.
+
+    A parked car or a bench does, or trousers of the ground's colour. The head must be where it is
+    expected: who sits down is shorter, and not hidden.
+    """
+    which, whom = inside.nonzero()
+    tall, foot = known.tall[whom], known.foot[whom]
+    top, bottom = boxes[which, 1], boxes[which, 3]
+    hidden = (np.abs(top - (foot - tall)) < SAME_HEAD * tall) & (foot - bottom > HIDDEN * tall)
+    hidden &= (bottom < rows - EDGE_PX) & (top > EDGE_PX)
+    expected = scale.height_px(top + tall, known.column[whom])
+    hidden &= np.abs(np.log(tall / expected)) < np.log(LIKELY_ALONE)
+    unseen = np.zeros((len(boxes), 2), dtype=bool)
+    if not hidden.any():
+        return Pieces(boxes, unseen)
+    boxes = boxes.copy()
+    boxes[which[hidden], 3] = np.minimum((top + tall)[hidden].round(), rows)
+    unseen[which[hidden], 1] = True
+    return Pieces(boxes, unseen)
 
 
 def _likely(known: Known, scale: PersonScale, rows: int) -> BoolArray:

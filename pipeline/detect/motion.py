@@ -204,10 +204,10 @@ class MotionDetector:
         for box, ends, unseen in zip(boxes, all_ends, pieces.unseen.tolist(), strict=True):
             if ends is None or ends[0][3] - ends[0][1] < self._min_height * mask.shape[0]:
                 continue
-            tall = ends[0][3] - ends[0][1]
             for end, hidden in zip((1, 3), unseen, strict=True):
                 if hidden:
                     ends[0][end] = float(box[end])
+            tall = ends[0][3] - ends[0][1]
             edges.append(ends[0])
             loose = [0.0, unseen[0] * UNSEEN_STD * tall, 0.0, unseen[1] * UNSEEN_STD * tall]
             spreads.append([hypot(*pair) for pair in zip(ends[1], loose, strict=True)])

@@ -79,3 +79,23 @@ def test_no_people_are_no_trouble() -> None:
     np.testing.assert_array_equal(
         split_groups(box, mask, SCALE, Known.of_boxes(np.empty((0, 4)))).boxes, box
     )
+
+
+def test_feet_behind_something_are_where_the_known_height_puts_them() -> None:
+    mask = np.zeros((300, 300), np.uint8)
+    _, top, _, foot = person(mask, 100, 230)
+    mask[200:] = 0  # a parked car
+    pieces = split_groups(outline(mask), mask, SCALE, known((101, 232)))
+    assert abs(pieces.boxes[0, 1] - top) <= 1
+    assert abs(pieces.boxes[0, 3] - foot) <= 3
+    assert pieces.unseen.tolist() == [[False, True]]
+
+
+def test_who_sits_down_has_no_hidden_feet() -> None:
+    mask = np.zeros((300, 300), np.uint8)
+    person(mask, 100, 230)
+    mask[:165] = 0  # the head is a third lower than it was
+    box = outline(mask)
+    pieces = split_groups(box, mask, SCALE, known((100, 230)))
+    np.testing.assert_array_equal(pieces.boxes, box)
+    assert not pieces.unseen.any()
