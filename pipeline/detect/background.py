@@ -43,6 +43,8 @@ class Background:
         self._mean = middle.astype(np.float32)
         self._spread = _spread(pictures, middle)
         self._updated_s: float | None = None
+        # Kept from frame to frame: fresh memory costs more than what is written into it.
+        self._difference = np.empty_like(middle)
         self._planes: list[Image] = [np.empty(middle.shape[:2], np.uint8) for _ in range(3)]
         self._freeze()
 
@@ -54,7 +56,8 @@ class Background:
 
     def difference(self, picture: Image, reference: Image) -> Image:
         """Return how much a picture differs from the background as it is now lit, (h, w)."""
-        return largest(cv2.absdiff(picture, reference), self._planes)
+        cv2.absdiff(picture, reference, dst=self._difference)
+        return largest(self._difference, self._planes)
 
     def foreground(self, difference: Image) -> Image:
         """Return 255 where a difference is more than noise, else 0."""
