@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from pipeline import __version__
 from pipeline.calibrate.blur_floor import BlurFloor, calibrate_blur_floor, combined
@@ -27,11 +28,12 @@ from pipeline.calibrate.stored import Calibrated, calibrate_stored
 from pipeline.calibrate.truth_table import truth_table
 from pipeline.config import CameraConfig, Config, SizePrior
 from pipeline.errors import CalibrationUndetermined, StoreError, UsageError, Where
+from pipeline.estimate.columns import Measured
 from pipeline.estimate.combine import calibrations_table, measured_by_camera
 from pipeline.records import Calibration, Diagnostic, FoundLens, GroundPlane, Method
 from pipeline.run import describe, library_versions
-from pipeline.second_pass import lines_of
 from pipeline.store.database import Store
+from pipeline.stored_camera import StoredCamera, lines_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,24 +141,7 @@ def calibrate_stored_walkers(
         ids = _recording_ids(store)
         _check_single(known, len(ids))
         for recording_id in ids:
-            observations, frames, rows, _ = _tables(store, recording_id)
-            edges = store.read("background_lines", recording_id)
-            stored = {
-                row["camera"]: known_lens(row, _unposed(config.camera_named(row["camera"])))
-                for row in rows.to_pylist()
-            }
-            table = pa.Table.from_pylist(list(stored.values()), schema=rows.schema)
-            of_cameras = list(measured_by_camera(observations, frames, table, {}))
-            _check_single(known, len(of_cameras))
-            for measured in of_cameras:
-                try:
-                    lines_px = lines_of(edges, measured.camera)
-                    row = stored[measured.camera]
-                    made = calibrate_stored(measured, row, prior, known, lines_px)
-                except CalibrationUndetermined as error:
-                    results.append((measured.camera, error))
-                else:
-                    results.append((measured.camera, _found(made, measured.camera, row)))
+            results += _of_recording(store, recording_id, config, prior, known)
     for name in dict.fromkeys(name for name, _ in results):
         found = [f for n, f in results if n == name and isinstance(f, Found)]
         if found:
@@ -247,6 +232,38 @@ def _one_lens(found: list[Found]) -> tuple[FoundLens | None, list[GroundPlane]]:
 
 def _relative(found: Found) -> float:
     return found.lens.std_px / found.lens.intrinsics.fx_px if found.lens else math.inf
+
+
+def _of_recording(
+    store: Store, recording_id: str, config: Config, prior: SizePrior, known: Known
+) -> Iterator[tuple[str, Found | CalibrationUndetermined]]:
+    """Yield what walkers gave of each camera of a recording that saw anything."""
+    edges = store.read("background_lines", recording_id)
+    tracks = store.tracks_of(recording_id, prior.object_class)
+    seen = set(pc.unique(tracks["camera"]).to_pylist())
+    _check_single(known, len(seen))
+    for row in store.read("cameras", recording_id).to_pylist():
+        name = row["camera"]
+        if name not in seen:
+            continue
+        lens = known_lens(row, _unposed(config.camera_named(name)))
+        camera = StoredCamera(store, recording_id, lens)
+        try:
+            measured = _people(camera, tracks.filter(pc.equal(tracks["camera"], name)), known)
+            made = calibrate_stored(measured, lens, prior, known, lines_of(edges, name))
+        except CalibrationUndetermined as error:
+            yield name, error
+        else:
+            yield name, _found(made, name, lens)
+
+
+def _people(camera: StoredCamera, tracks: pa.Table, known: Known) -> Measured:
+    measured = camera.people(tracks, [person.track_id for person in known.heights])
+    if measured is None:
+        raise CalibrationUndetermined(
+            "nobody walks before the camera", remedy="Give its pose, or a recording with people"
+        )
+    return measured
 
 
 def _found(made: Calibrated, camera: str, row: Mapping[str, Any]) -> Found:

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -21,15 +19,14 @@ from pipeline.calibrate.given import given_pose
 from pipeline.calibrate.lens_row import known_lens, with_doubt, with_found
 from pipeline.calibrate.stored import calibrate_stored
 from pipeline.calibrate.walkers import WalkersReport
-from pipeline.calibrate.walkers_sample import MIN_OBSERVATIONS, spread_people
 from pipeline.config import Config
 from pipeline.errors import CalibrationUndetermined
 from pipeline.estimate.batches import Tracks
-from pipeline.estimate.columns import Measured
-from pipeline.estimate.combine import Rows, Said, camera_blur, estimate_tracks, measured_of
+from pipeline.estimate.combine import Rows, Said, camera_blur, estimate_tracks
 from pipeline.exposure_check import exposure_notes
 from pipeline.records import Diagnostic, FloatArray, FoundLens, GroundPlane, Severity
 from pipeline.store.database import Store
+from pipeline.stored_camera import StoredCamera, lines_of
 
 # Observations that are worked on at once, at about 2 kB each: 40 MB. Fewer cost time, as the smoother
 # goes step by step, for all tracks of a batch together: with 10,000 a seventh more than with 50,000.
@@ -60,7 +57,9 @@ def estimate_recording(
         mine = tracks.filter(pc.equal(tracks["camera"], row["camera"]))
         if not mine.num_rows:
             continue
-        camera = _Camera(store, recording_id, known_lens(row, config.camera_named(row["camera"])))
+        camera = StoredCamera(
+            store, recording_id, known_lens(row, config.camera_named(row["camera"]))
+        )
         lines_px = lines_of(edges, row["camera"])
         camera.plane = _pose(camera, mine, lines_px, config, said)
         if camera.plane is not None:
@@ -73,25 +72,8 @@ def estimate_recording(
     store.add_diagnostics(said.diagnostics(), recording_id, run_id, file_name)
 
 
-@dataclass(slots=True)
-class _Camera:
-    """One camera of a stored recording."""
-
-    store: Store
-    recording_id: str
-    row: Mapping[str, Any]  # of the table `cameras`
-    plane: GroundPlane | None = None
-
-    def measured(self, tracks: Tracks) -> Measured:
-        """Read tracks, and what else is in their frames."""
-        own, others = self.store.observed(
-            self.recording_id, self.row["camera"], tracks.track_id.tolist(), tracks.frames
-        )
-        return measured_of(own, self.row, self.plane, others)
-
-
 def _estimated(
-    camera: _Camera, tracks: Tracks, config: Config, said: Said, batch: int
+    camera: StoredCamera, tracks: Tracks, config: Config, said: Said, batch: int
 ) -> Iterator[Rows]:
     """Yield the rows of one batch of tracks after another."""
     blur = None
@@ -105,15 +87,8 @@ def _estimated(
             yield estimate_tracks(measured, config, said, blur)
 
 
-def lines_of(edges: pa.Table, camera: str) -> FloatArray:
-    """Return a camera's rows of the table `background_lines` as x0 y0 x1 y1, (n, 4)."""
-    mine = edges.filter(pc.equal(edges["camera"], camera))
-    names = ("x0_px", "y0_px", "x1_px", "y1_px")
-    return np.stack([mine[n].to_numpy() for n in names], axis=1).astype(np.float64)
-
-
 def _pose(
-    camera: _Camera, tracks: pa.Table, lines_px: FloatArray, config: Config, said: Said
+    camera: StoredCamera, tracks: pa.Table, lines_px: FloatArray, config: Config, said: Said
 ) -> GroundPlane | None:
     """Return the camera's pose.
 
@@ -124,10 +99,9 @@ def _pose(
     prior = config.stature
     if given is not None or prior is None:
         return given
-    people = tracks.filter(pc.greater(tracks["class_count"], 0)).sort_by("first_of_class")
-    if not people.num_rows:
+    measured = camera.people(tracks)
+    if measured is None:
         return None
-    measured = camera.measured(Tracks.of(_to_learn_from(people)))
     try:
         found = calibrate_stored(measured, camera.row, prior, lines_px=lines_px)
     except CalibrationUndetermined as error:
@@ -141,14 +115,6 @@ def _pose(
         camera.row = with_doubt(camera.row, found.plane)
     said.add([_describe(name, found.plane, found.report)])
     return found.plane
-
-
-def _to_learn_from(people: pa.Table) -> pa.Table:
-    """Return the tracks that tell the pose; where none is long enough, some that are not."""
-    long = people.filter(pc.greater_equal(people["class_count"], MIN_OBSERVATIONS))
-    some = long if long.num_rows else people
-    ids = some["track_id"].to_numpy()
-    return some.filter(pc.is_in(some["track_id"], pa.array(spread_people(ids))))
 
 
 def recorded_pose(camera: Mapping[str, Any]) -> GroundPlane | None:

@@ -30,12 +30,14 @@ ROBUST = 1.5  # deviations beyond which a residual counts less than its square, 
 # stated deviations they may not say less than half of it.
 MIN_VARIANCE_RATIO = 0.5
 STATED_TRACKS = 5.0  # as so many the stated deviations count
-# How far boxes may differ between small and large (by a factor of e) and from side to side (by a standard
-# deviation), in units of the scatter of the heads about the fit: bad boxes are bad in common as well.
-# Chosen on 24 rendered cameras so that tilts and rolls hold with the motion detector's boxes, whose heads
-# scatter by 1.9 % of the stature and whose sizes differ by 1.6 % and 0.4 %. True boxes do not differ so,
-# but gaits let them scatter by 1.3 %; their tilts are surer than is said.
-NEAR_PER_SCATTER, SIDE_PER_SCATTER = 1.5, 0.3
+# What boxes have in common is the more the worse they are: in units of how much more the heads scatter
+# about the fit than gaits let those of true boxes. By one factor on all, by one between small and large
+# (by a factor of e), and by one from side to side (by a standard deviation of the columns). Chosen on 24
+# rendered cameras so that scale, tilt and roll hold; the motion detector's boxes scatter by 2.0 % of the
+# stature there, and their sizes differ by 1.2 %, 1.6 % and 0.4 %, not independently of where people walk.
+GAIT_SCATTER = 0.013
+ALL_PER_EXCESS, NEAR_PER_EXCESS, SIDE_PER_EXCESS = 1.8, 2.0, 0.3
+LEAST_EXCESS = 0.003  # boxes that seem perfect may still be made by a rule of somebody's
 
 
 def covariance_of(
@@ -111,12 +113,13 @@ def _common(fit: OptimizeResult, sample: Sample, scale: Scale) -> FloatArray:
     tall = sample.foot[:, 1] - sample.head[:, 1]
     per_share = tall / sample.sigma * np.sqrt(sample.weight)
     scatter = 1.4826 * float(np.nanmedian(np.abs(fit.fun[: len(tall)] / per_share)))
+    excess = np.sqrt(max(scatter**2 - GAIT_SCATTER**2, LEAST_EXCESS**2))
     shares = [
-        np.full(len(tall), BOX_COMMON_STD),
-        NEAR_PER_SCATTER * scatter * sample.trends[:, 1],
+        np.full(len(tall), np.hypot(BOX_COMMON_STD, ALL_PER_EXCESS * excess)),
+        NEAR_PER_EXCESS * excess * sample.trends[:, 1],
     ]
     if not len(scale.uprights):
-        shares.append(SIDE_PER_SCATTER * scatter * sample.trends[:, 0])
+        shares.append(SIDE_PER_EXCESS * excess * sample.trends[:, 0])
     common = np.zeros((len(fit.fun), len(shares) + 1))
     common[: len(tall), :-1] = np.stack(shares, axis=1) * per_share[:, None]
     if len(fit.x) == PEOPLE + sample.people:  # with the focal length unknown, it is of that error

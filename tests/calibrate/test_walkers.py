@@ -116,7 +116,8 @@ def test_a_known_height_overrides_the_population() -> None:
 
     error, std = scale_errors(of_two)
     assert (np.abs(error) < 3 * std).all()
-    assert std.max() < 0.025
+    assert np.median(std) < 0.025
+    assert std.max() < 0.03
 
 
 def test_a_known_distance_overrides_the_population() -> None:
