@@ -128,6 +128,14 @@ class Boxes:
 
 
 @dataclass(frozen=True, slots=True)
+class Expected:
+    """Where tracks must be in a frame that is not looked at yet: a structure of n-long arrays."""
+
+    bbox_xyxy_px: FloatArray  # (n, 4)
+    walked: BoolArray  # (n,), whether they have come from elsewhere
+
+
+@dataclass(frozen=True, slots=True)
 class TrueObject:
     """Ground truth of one object in one frame; NaN is unknown."""
 

@@ -14,7 +14,7 @@ import pyarrow as pa
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.config import TrackConfig
-from pipeline.records import TRACKS, Boxes, FloatArray, IntArray
+from pipeline.records import TRACKS, Boxes, Expected, FloatArray, IntArray
 from pipeline.track_filter import Filters
 
 # Chi-squared, 4 degrees of freedom, 99.9 %: further apart is another object.
@@ -31,6 +31,7 @@ class _Life:
     last_time_ns: int
     first_frame_index: int
     last_frame_index: int
+    first_foot_px: tuple[float, float]
     count: int = 0
     votes: dict[str, int] = field(default_factory=dict)
 
@@ -46,20 +47,23 @@ class Tracker:
         self._lives: list[_Life] = []
         self._time_ns: int | None = None
 
-    def expected(self, capture_time_ns: int) -> FloatArray:
-        """Return where the tracks that are confirmed must be at a time, boxes (n, 4).
+    def expected(self, capture_time_ns: int) -> Expected:
+        """Return where the tracks that are confirmed must be at a time.
 
         Those who were seen last come first, and of them the nearest.
         """
         sure = [i for i, k in enumerate(self._active) if k.count >= self._config.min_count]
         if self._time_ns is None or not sure:
-            return np.empty((0, 4))
+            return Expected(np.empty((0, 4)), np.empty(0, dtype=bool))
         elapsed_s = max((capture_time_ns - self._time_ns) / 1e9, 0.0)
         x, y, tall, wide, x_speed, y_speed = self._filters.state[sure].T
         x, y = x + elapsed_s * x_speed, y + elapsed_s * y_speed
-        last_ns = np.array([self._active[i].last_time_ns for i in sure])
+        lives = [self._active[i] for i in sure]
+        first_x, first_y = np.array([k.first_foot_px for k in lives]).T
+        walked = np.hypot(x - first_x, y - first_y) > tall
+        order = np.lexsort((-y, [-k.last_time_ns for k in lives]))
         boxes = np.stack([x - wide / 2, y - tall, x + wide / 2, y], axis=1)
-        return boxes[np.lexsort((-y, -last_ns))]
+        return Expected(boxes[order], walked[order])
 
     def update(self, capture_time_ns: int, frame_index: int, boxes: Boxes) -> IntArray:
         """Return a track id for every box of a frame."""
@@ -157,7 +161,13 @@ class Tracker:
             self._filters.begin(measured[:, new])
         for box in new:
             life = _Life(
-                len(self._lives), boxes.object_id[box], time_ns, time_ns, frame_index, frame_index
+                len(self._lives),
+                boxes.object_id[box],
+                time_ns,
+                time_ns,
+                frame_index,
+                frame_index,
+                (float(measured[0, box]), float(measured[1, box])),
             )
             self._lives.append(life)
             self._active.append(life)

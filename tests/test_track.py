@@ -118,11 +118,23 @@ def test_frames_without_anything_and_clocks_that_jump_back_do_no_harm() -> None:
 
 def test_where_a_confirmed_track_must_be_is_known_before_it_is_seen() -> None:
     tracker = Tracker(TrackConfig(), "cam")
-    assert len(tracker.expected(0)) == 0
+    assert len(tracker.expected(0).walked) == 0
     for i in range(20):
         rows = [(100 + 4.0 * i, 300.0, 100.0), (400.0, 200.0, 50.0)]
         tracker.update(i * FRAME_NS, i, boxes(rows[: 1 if i == 19 else 2]))
     tracker.update(20 * FRAME_NS, 20, boxes([(180.0, 300.0, 100.0), (600.0, 250.0, 70.0)]))
     expected = tracker.expected(21 * FRAME_NS)
     # the new one is not confirmed; who was seen last comes first
-    np.testing.assert_allclose(expected, [[169, 200, 199, 300], [392.5, 150, 407.5, 200]], atol=1.5)
+    assert expected.walked.tolist() == [False, False]
+    np.testing.assert_allclose(
+        expected.bbox_xyxy_px, [[169, 200, 199, 300], [392.5, 150, 407.5, 200]], atol=1.5
+    )
+
+
+def test_who_has_come_from_elsewhere_has_walked() -> None:
+    tracker = Tracker(TrackConfig(), "cam")
+    for i in range(60):
+        tracker.update(
+            i * FRAME_NS, i, boxes([(100 + 4.0 * i, 300.0, 100.0), (400.0, 200.0, 50.0)])
+        )
+    assert tracker.expected(60 * FRAME_NS).walked.tolist() == [True, False]

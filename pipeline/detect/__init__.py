@@ -18,7 +18,7 @@ from pipeline.detect.recorded import RecordedDetector
 from pipeline.detect.roi import RoiDetector
 from pipeline.errors import UsageError
 from pipeline.picture import Picture
-from pipeline.records import Boxes, FloatArray, Frame
+from pipeline.records import Boxes, Expected, Frame
 
 
 class Detector(Protocol):
@@ -43,14 +43,14 @@ class Detector(Protocol):
         """Look at pictures spread over the first `learning_s`; called once, if that is positive."""
 
     def detect(
-        self, frame: Frame, picture: Picture | None, expected: FloatArray | None = None
+        self, frame: Frame, picture: Picture | None, expected: Expected | None = None
     ) -> Boxes:
         """Return the objects of a frame.
 
         Args:
             frame: which.
             picture: None where it could not be decoded.
-            expected: where the frames before say that objects are, (n, 4) in stored pixels.
+            expected: where the frames before say that objects are.
         """
 
 

@@ -2,7 +2,8 @@
 
 Each pixel has a mean and a spread. The start is the median of pictures spread over the first seconds,
 so that who walks through is not in it; then the mean follows slowly, and more slowly still where
-something stands in front, so that a parked car becomes background in a minute and a person does not.
+something stands in front, so that a parked car becomes background in minutes, and most slowly where
+somebody stands who came walking.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ MAD_TO_STD = 1.4826
 FOLLOW_S = 10.0  # time constant where the background shows
 ABSORB_S = 90.0  # time constant where something stands before it
 _AROUND = np.ones((5, 5), np.uint8)
+HOLD_S = 900.0  # where that is somebody who came walking: people stand and talk for minutes
 UPDATE_S = 0.8  # the background changes slowly; following it more often buys nothing
 
 
@@ -72,13 +74,20 @@ class Background:
             return self.mean_u8
         return cv2.convertScaleAbs(self.mean_u8, alpha=gain)
 
-    def follow(self, picture: Image, occupied: Image, time_s: float) -> bool:
+    def follow(
+        self,
+        picture: Image,
+        occupied: Image,
+        time_s: float,
+        people: Sequence[tuple[int, int, int, int]] = (),
+    ) -> bool:
         """Let the background follow a picture, and return whether it was time to.
 
         Args:
             picture: (h, w, 3).
             occupied: 255 where objects are, else 0, (h, w).
             time_s: of the picture.
+            people: x0, y0, x1, y1 of those who have come walking, and may stand now.
         """
         if self._updated_s is None:
             self._updated_s = time_s
@@ -92,8 +101,12 @@ class Background:
         calm_rate = 1.0 - np.exp(-elapsed_s / FOLLOW_S)
         cv2.accumulateWeighted(flicker, self._spread, calm_rate, mask=free)
         cv2.accumulateWeighted(picture, self._mean, calm_rate, mask=free)
-        absorb_rate = 1.0 - np.exp(-elapsed_s / ABSORB_S)
-        cv2.accumulateWeighted(picture, self._mean, absorb_rate, mask=occupied)
+        held = np.zeros_like(occupied)
+        for x0, y0, x1, y1 in people:
+            cv2.rectangle(held, (x0, y0), (x1 - 1, y1 - 1), (255,), cv2.FILLED)
+        for part, time_constant_s in ((held, HOLD_S), (cv2.bitwise_not(held), ABSORB_S)):
+            rate = 1.0 - np.exp(-elapsed_s / time_constant_s)
+            cv2.accumulateWeighted(picture, self._mean, rate, mask=cv2.bitwise_and(part, occupied))
         self._freeze()
         return True
 

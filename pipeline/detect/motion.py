@@ -26,7 +26,7 @@ from pipeline.detect.people import PERSON_ASPECT, PersonScale, join_parts
 from pipeline.detect.repair import repair
 from pipeline.detect.shadow import UNIT, ShadowLight
 from pipeline.picture import Image, Picture
-from pipeline.records import Boxes, FloatArray, Frame
+from pipeline.records import Boxes, Expected, Frame
 
 # Noise is less in the mean of 3 x 3 pixels; a person of a twentieth of the picture is wider than that.
 SOFT_PX = (3, 3)
@@ -113,7 +113,7 @@ class MotionDetector:
                     background.take(image, box, mask)
 
     def detect(
-        self, frame: Frame, picture: Picture | None, expected: FloatArray | None = None
+        self, frame: Frame, picture: Picture | None, expected: Expected | None = None
     ) -> Boxes:
         """Return what stands before the background."""
         if picture is None:
@@ -127,13 +127,15 @@ class MotionDetector:
         background = self._background
         reference = background.relit(image)
         seen = self._foreground(image, reference)
-        known = NOBODY
-        if expected is not None and len(expected):
-            known = Known.of_boxes((expected + 0.5) / picture.reduction)
+        known, came = NOBODY, []
+        if expected is not None and len(expected.walked):
+            boxes = (expected.bbox_xyxy_px + 0.5) / picture.reduction
+            known = Known.of_boxes(boxes)
+            came = boxes[expected.walked].round().astype(int).tolist()
         found = self._silhouettes(seen, known)
         self._teach(found, seen)
         time_s = frame.capture_time_ns / 1e9
-        if background.follow(image, seen.occupied, time_s):
+        if background.follow(image, seen.occupied, time_s, came):
             self._follow(seen, image, reference, time_s)
 
         def unshaded(parts: Sequence[Box]) -> Sequence[Image]:

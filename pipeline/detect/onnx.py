@@ -26,7 +26,7 @@ from pipeline.detect.network_output import (
 from pipeline.detect.onnx_file import OnnxFile, Tensor, read_onnx_file
 from pipeline.errors import StadimeterError, UnusableModel, UsageError, Where
 from pipeline.picture import Picture
-from pipeline.records import Boxes, FloatArray, Frame
+from pipeline.records import Boxes, Expected, FloatArray, Frame
 
 Array = npt.NDArray[np.generic]
 
@@ -110,7 +110,7 @@ class OnnxDetector:
         """Learn nothing."""
 
     def detect(
-        self, frame: Frame, picture: Picture | None, expected: FloatArray | None = None
+        self, frame: Frame, picture: Picture | None, expected: Expected | None = None
     ) -> Boxes:
         """Return the objects of the configured classes."""
         if picture is None:

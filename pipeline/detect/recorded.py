@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.picture import Picture
-from pipeline.records import Boxes, FloatArray, Frame
+from pipeline.records import Boxes, Expected, Frame
 
 
 class RecordedDetector:
@@ -23,7 +23,7 @@ class RecordedDetector:
         """Learn nothing."""
 
     def detect(
-        self, frame: Frame, picture: Picture | None, expected: FloatArray | None = None
+        self, frame: Frame, picture: Picture | None, expected: Expected | None = None
     ) -> Boxes:
         """Return the recorded boxes of the frame."""
         return frame.detections if frame.detections is not None else Boxes.empty()

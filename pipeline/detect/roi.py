@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.config import CameraConfig
 from pipeline.errors import UsageError
 from pipeline.picture import Picture, relative_luminance_of
-from pipeline.records import Boxes, FloatArray, Frame
+from pipeline.records import Boxes, Expected, FloatArray, Frame
 
 # The border of the region that is taken to be background, as a share of its side.
 BORDER = 0.05
@@ -51,7 +51,7 @@ class RoiDetector:
         """Learn nothing."""
 
     def detect(
-        self, frame: Frame, picture: Picture | None, expected: FloatArray | None = None
+        self, frame: Frame, picture: Picture | None, expected: Expected | None = None
     ) -> Boxes:
         """Return the object's box, or none if nothing stands out in the region."""
         if picture is None:

@@ -7,8 +7,8 @@ import pytest
 
 from pipeline.config import DetectConfig
 from pipeline.detect.motion import MotionDetector
-from pipeline.records import Boxes
-from tests.footage import Walker, clip, decoded, frame
+from pipeline.records import Boxes, Expected
+from tests.footage import FRAME_NS, Walker, clip, decoded, frame
 
 ACROSS = Walker((90.0, 300.0), (8.0, 0.5), 120.0)
 FAR = Walker((600.0, 170.0), (-1.5, 0.3), 60.0, (110, 60, 30))
@@ -100,7 +100,8 @@ def test_people_who_are_expected_are_told_apart() -> None:
     detector = MotionDetector(DetectConfig())
     detector.learn(images[:25])
     expected = np.array([w.box(30) for w in pair], dtype=float)
-    found = detector.detect(frame(30), images[30], expected).bbox_xyxy_px
+    people = Expected(expected, np.array([True, True]))
+    found = detector.detect(frame(30), images[30], people).bbox_xyxy_px
     for true in expected:
         assert np.abs(found[:, [1, 3]] - true[[1, 3]]).max(axis=1).min() < 6
 
@@ -117,3 +118,21 @@ def test_pictures_may_be_prepared_elsewhere() -> None:
     assert sum(len(boxes) for boxes in found[0]) > 20
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one.bbox_xyxy_px, other.bbox_xyxy_px)
+
+
+def test_who_came_walking_and_stands_for_minutes_stays_in_sight() -> None:
+    stands = Walker((320.0, 300.0), (0.0, 0.0), 120.0)
+    empty, there = (decoded(clip(walkers, 1)[0]) for walkers in ([], [stands]))
+    box = np.array([stands.box(0)], dtype=float)
+    counts = []
+    for walked in (True, False):
+        detector = MotionDetector(DetectConfig())
+        detector.learn([empty] * 5)
+        people = Expected(box, np.array([walked]))
+        frames_a_minute = 60 * 1_000_000_000 // FRAME_NS
+        seen = [
+            detector.detect(frame(minute * frames_a_minute), there, people) for minute in range(8)
+        ]
+        counts.append([len(boxes) for boxes in seen])
+    assert counts[0] == [1] * 8
+    assert counts[1][-1] == 0
