@@ -11,7 +11,6 @@ import argparse
 import resource
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ from pipeline.console import out, print_rows
 from pipeline.records import CAMERAS, OBSERVATIONS, FloatArray
 from pipeline.run import describe, library_versions
 from pipeline.second_pass import estimate_recording
+from pipeline.stages import Spent, Stopwatch
 from pipeline.store.database import RecordingRow, Store
 from pipeline.store.parts import PartWriter, as_table
 
@@ -249,14 +249,11 @@ def _measure(database: Path, parts: Path, row: RecordingRow, config: Config, hou
     before_mb = peak_mb()
     with Store.open(database) as store:
         run_id = store.start_run("run", "day", describe(config), library_versions(), "bench")
-        start = time.perf_counter()
-        with store.transaction():
+        with Stopwatch() as ingest, store.transaction():
             key = store.ingest(row, parts, run_id)
-        ingest_s, ingest_mb = time.perf_counter() - start, peak_mb()
-        start = time.perf_counter()
-        with store.transaction():
+        ingest_mb = peak_mb()
+        with Stopwatch() as estimate, store.transaction():
             estimate_recording(store, key, run_id, row.path.name, config)
-        estimate_s = time.perf_counter() - start
         store.finish_run(run_id)
     sizes = table_bytes(database)
     observations, estimates = sizes["observations"][0], sizes["estimates"][0]
@@ -266,16 +263,11 @@ def _measure(database: Path, parts: Path, row: RecordingRow, config: Config, hou
     )
     print_rows(
         "A day of one camera",
-        ("step", "seconds", "rows/s", "peak MB"),
+        ("step", "seconds", "main thread, s", "rows/s", "peak MB"),
         [
-            ["nothing", "", "", f"{before_mb:,.0f}"],
-            ["take in", f"{ingest_s:.1f}", f"{observations / ingest_s:,.0f}", f"{ingest_mb:,.0f}"],
-            [
-                "estimate",
-                f"{estimate_s:.1f}",
-                f"{estimates / estimate_s:,.0f}",
-                f"{peak_mb():,.0f}",
-            ],
+            ["nothing", "", "", "", f"{before_mb:,.0f}"],
+            ["take in", *_times(ingest.spent, observations), f"{ingest_mb:,.0f}"],
+            ["estimate", *_times(estimate.spent, estimates), f"{peak_mb():,.0f}"],
         ],
     )
     print_rows(
@@ -286,6 +278,10 @@ def _measure(database: Path, parts: Path, row: RecordingRow, config: Config, hou
             for table, (rows, size) in sizes.items()
         ],
     )
+
+
+def _times(spent: Spent, rows: int) -> list[str]:
+    return [f"{spent.elapsed_s:.1f}", f"{spent.cpu_s:.1f}", f"{rows / spent.elapsed_s:,.0f}"]
 
 
 if __name__ == "__main__":
