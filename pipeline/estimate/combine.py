@@ -18,6 +18,7 @@ from pipeline.estimate.gait import as_standing
 from pipeline.estimate.geometry import Geometry
 from pipeline.estimate.notes import Classes, not_applicable, outside_calibration
 from pipeline.estimate.one_person import with_doubt
+from pipeline.estimate.posture import smooth_heights
 from pipeline.estimate.reach import with_reach
 from pipeline.estimate.tracks import track_heights
 from pipeline.quality import Quality, assess, with_track
@@ -160,8 +161,10 @@ def estimate_tracks(
     said.count(measured, made.values())
     for method, estimated in made.items():
         said.add(outside_calibration(measured, estimated, method))
-    rows = [_long(measured, e, method) for method, e in made.items()]
     heights = [track_heights(measured, e, m, config.size_prior) for m, e in made.items()]
+    if Method.FUSED in made:
+        smooth_heights(measured, made[Method.FUSED], fused.lasts_s(geometry))
+    rows = [_long(measured, e, method) for method, e in made.items()]
     return Rows(
         pa.concat_tables([ESTIMATES.empty_table(), *rows]),
         pa.concat_tables([TRACK_HEIGHTS.empty_table(), *heights]),

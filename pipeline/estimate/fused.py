@@ -10,7 +10,7 @@
    small for the track has hidden feet there; whose is too large is not alone in the box.
 3. Positions are smoothed along the track. What frames have in common (the calibration's error) is not
    made smaller by that, and errors of boxes last as long as the track's heights say.
-4. The height in a frame is that at the smoothed position.
+4. The height in a frame is that at the smoothed position (and then smoothed itself: `posture`).
 """
 
 from __future__ import annotations
@@ -83,10 +83,10 @@ def beside_track(
 ) -> AgainstTrack:
     """Return the height of each observation by the ground beside that of its track."""
     noise_m = np.sqrt(np.maximum(ground.height_std_m**2 - ground.height_common_std_m**2, 0.0))
-    return against_track(geometry.measured, ground.height_m, noise_m, quality, _lasts_s(geometry))
+    return against_track(geometry.measured, ground.height_m, noise_m, quality, lasts_s(geometry))
 
 
-def _lasts_s(geometry: Geometry) -> FloatArray | None:
+def lasts_s(geometry: Geometry) -> FloatArray | None:
     """Return how long errors last, (n,), where that is known."""
     return None if geometry.scatter is None else geometry.scatter.correlation_s
 
@@ -235,7 +235,7 @@ def _smooth(
     m = geometry.measured
     position, covariance = _places(fused, geometry, plane)
     # Boxes repeat their errors; the swing of the feet about its mean does not, it comes back every step.
-    share = independent_share(m, _lasts_s(geometry))[:, None, None]
+    share = independent_share(m, lasts_s(geometry))[:, None, None]
     stride = _stride(fused, geometry, plane, ground)
     lasting = (covariance - stride) / share
     inflated = lasting + stride
