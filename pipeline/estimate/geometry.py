@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -153,6 +154,26 @@ class Geometry:
         """Its upper end, (n, 2), the camera's roll removed."""
         return self._ends[1]
 
+    def but(self, **changes: Any) -> Geometry:
+        """Return the same boxes with something else said of them; where they are need not be found again.
+
+        Args:
+            changes: other fields; `measured` may differ in its deviations alone.
+        """
+        other = replace(self, **changes)
+        kept = ["_edges", "middle", "_sides"]
+        if "reach" not in changes:
+            kept += ["_ends", "reach_m"]
+        for name in kept:
+            if name in self.__dict__:
+                other.__dict__[name] = self.__dict__[name]
+        return other
+
+    @cached_property
+    def _edges(self) -> tuple[FloatArray, FloatArray]:
+        """The middles of the box's lower and upper edge."""
+        return self._point(3), self._point(1)
+
     @cached_property
     def _ends(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper end: the middles of the box's edges, and with the pose, as it leans.
@@ -161,7 +182,7 @@ class Geometry:
         with the roll. The box reaches from one end to the other, so each end is half of that beside
         the middle. With a roll this moves the row of the foot as well.
         """
-        foot, head = self._point(3), self._point(1)
+        foot, head = self._edges
         plane = self.measured.ground_plane
         if plane is None or self.measured.intrinsics is None:
             return foot, head

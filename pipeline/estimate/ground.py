@@ -79,4 +79,4 @@ def with_scatter(geometry: Geometry) -> Geometry:
     scatter = scatter_of(m, estimate(geometry), swing_m)
     std_px = m.std_xyxy_px.copy()
     std_px[:, [1, 3]] *= np.sqrt(scatter.ratio)[:, None]
-    return replace(geometry, measured=replace(m, std_xyxy_px=std_px), scatter=scatter)
+    return geometry.but(measured=replace(m, std_xyxy_px=std_px), scatter=scatter)

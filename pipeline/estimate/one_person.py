@@ -57,7 +57,8 @@ def with_doubt(
             continue
         off_m = track.height_m + GAIT_DROP_M - prior.mean_m
         std_m = np.hypot(track.height_std_m, common_m)
-        of_class = doubtful_m(off_m, std_m, prior.std_m, bad)
+        _, first, back = np.unique(m.track_id, return_index=True, return_inverse=True)
+        of_class = doubtful_m(off_m[first], std_m[first], prior.std_m, bad[first])[back]
         doubt_m = np.where(m.class_name == prior.object_class, of_class, doubt_m)
     doubt_m = np.nan_to_num(doubt_m)
     ground.height_doubt_m = doubt_m

@@ -25,17 +25,24 @@ def with_reach(measured: Measured) -> Geometry:
     plane = measured.ground_plane
     if plane is None or measured.intrinsics is None:
         return Geometry(measured)
-    return Geometry(measured, *reach_of(measured, plane))
+    lines = Geometry(measured)
+    reach, std = _reach(lines, plane)
+    return lines.but(reach=reach, reach_std=std)
 
 
 def reach_of(m: Measured, plane: GroundPlane) -> tuple[FloatArray, FloatArray]:
     """Return the reach of each person, NaN of what is none, and its deviation from frame to frame."""
+    return _reach(Geometry(m), plane)
+
+
+def _reach(lines: Geometry, plane: GroundPlane) -> tuple[FloatArray, FloatArray]:
+    m = lines.measured
     person = m.class_name == WALKER
-    steep, _ = steepness(Geometry(m).head[:, 1], plane.tilt_rad)
+    steep, _ = steepness(lines.head[:, 1], plane.tilt_rad)
     average = np.where(person, mean_reach(steep), np.nan)
     if not person.any():
         return average, np.full(len(m), UNKNOWN_REACH_STD)
-    velocity, variance = _velocity(Geometry(m, average), plane)
+    velocity, variance = _velocity(lines.but(reach=average), plane)
     across, ahead = velocity.T
     squared = across**2 + ahead**2
     # Of a direction that is not known well: the mean over what it may be.
