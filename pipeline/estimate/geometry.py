@@ -19,9 +19,9 @@ from pipeline.optics.thin_lens import image_distance_mm
 from pipeline.records import FloatArray, Intrinsics
 
 # What all frames of a track have in common, beside what is each one's own: shoes of the ground's colour,
-# a bag, a shadow. The depths of whole tracks of the motion detector are off by that (24 rendered
+# a bag, a shadow. The depths of whole tracks of the motion detector are off by that (36 rendered
 # recordings), from the best tracks to the worst.
-COMMON_SHARE = 0.7
+COMMON_SHARE = 0.9
 
 
 def camera_of(intrinsics: Intrinsics) -> PinholeCamera:
