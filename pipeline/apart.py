@@ -37,12 +37,12 @@ class Begun:
 
 
 @contextmanager
-def own_store(begun: Begun, folder: Path | None = None) -> Iterator[Store]:
+def own_store(begun: Begun, folder: Path | None = None, *, roomy: bool = False) -> Iterator[Store]:
     """Give an empty database that is gone afterwards, with the run's row; it lies in a folder."""
     with tempfile.TemporaryDirectory(prefix="stadimeter-", dir=folder) as name:
         path = Path(name) / "one.duckdb"
         path.write_bytes(_empty_database())
-        with Store.hold(path) as store:
+        with Store.hold(path, roomy=roomy) as store:
             begun.enter(store)
             yield store
 

@@ -282,7 +282,7 @@ def _writable(database: Path) -> Store:
         raise StoreError(
             "there is no such database", where=Where(database), remedy="`stadimeter run` makes one"
         )
-    return Store.open(database)
+    return Store.open(database, roomy=True)
 
 
 def _recording_ids(store: Store) -> list[str]:

@@ -77,8 +77,9 @@ def run(
     new = not database.exists()
     begun = begin(config, label)
     result = RunResult(begun.run_id)
+    here = workers <= 1 or len(paths) == 1
     with (
-        Store.hold(database) as store,
+        Store.hold(database, roomy=timelines is not None and here) as store,
         ThreadPoolExecutor(1) as aside,
         _parts_folder(database) as parts,
     ):

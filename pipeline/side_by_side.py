@@ -67,7 +67,7 @@ def work_alone(work: Work) -> Worked:
     if row is None:
         return Worked(outcome, {})
     tell(Progress(work.path.name, "estimate", row.frame_count, 1.0))
-    with own_store(work.begun, work.folder) as store:
+    with own_store(work.begun, work.folder, roomy=work.timelines is not None) as store:
         commit(store, row, parts, work.begun.run_id, work.config, outcome.times)
         with outcome.times.stage("store"):
             files = write_rows(store, work.folder, "lz4")

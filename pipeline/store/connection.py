@@ -6,6 +6,7 @@ user puts into `stadimeter query` can read or write beside the database.
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from pipeline.store.schema import SCHEMA_VERSION
 # A run's memory is to stay flat, so no statement of it may ask for all of a recording at once; a day has
 # been taken in and estimated with this. Readers take what they need.
 WRITING_MEMORY = "64MB"
+WRITING_THREADS = 4  # each wants a share of the memory, and there is little for many to do
 CONFIG = {
     "autoinstall_known_extensions": "false",
     "autoload_known_extensions": "false",
@@ -27,8 +29,10 @@ CONFIG = {
 }
 
 
-def connect(path: Path, *, read_only: bool) -> duckdb.DuckDBPyConnection:
+def connect(path: Path, *, read_only: bool, roomy: bool = False) -> duckdb.DuckDBPyConnection:
     """Open a stadimeter database; a missing one is created, empty, if it is to be written.
+
+    Who writes and also reads much at once (a timeline, a calibration) wants it `roomy`.
 
     Raises:
         StoreError: there is none, it is something else or of another version, or it is held.
@@ -41,7 +45,8 @@ def connect(path: Path, *, read_only: bool) -> duckdb.DuckDBPyConnection:
             # Arrow's own allocator keeps what it ever had, 100 MB; the system's gives it back.
             pa.set_memory_pool(pa.system_memory_pool())
             path.parent.mkdir(parents=True, exist_ok=True)
-        config = CONFIG if read_only else CONFIG | {"memory_limit": WRITING_MEMORY}
+        small = not read_only and not roomy
+        config = CONFIG | (_small() if small else {})
         connection = duckdb.connect(str(path), read_only=read_only, config=config)
     except (duckdb.Error, OSError) as error:
         raise _explained(str(error), where) from error
@@ -54,6 +59,11 @@ def connect(path: Path, *, read_only: bool) -> duckdb.DuckDBPyConnection:
         connection.close()
         raise
     return connection
+
+
+def _small() -> dict[str, str]:
+    threads = min(os.cpu_count() or 1, WRITING_THREADS)
+    return {"memory_limit": WRITING_MEMORY, "threads": str(threads)}
 
 
 _MAKE_ONE = "`stadimeter run` makes one"

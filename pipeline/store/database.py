@@ -102,16 +102,17 @@ class Store:
         self._in_transaction = False
 
     @classmethod
-    def open(cls, path: Path, *, read_only: bool = False) -> Store:
+    def open(cls, path: Path, *, read_only: bool = False, roomy: bool = False) -> Store:
         """Open a database, and create it if it is to be written and does not exist.
 
-        No connection can reach any other file; one that only reads cannot change the database.
+        No connection can reach any other file; one that only reads cannot change the database. One
+        that writes keeps its memory small, unless it is to be `roomy` for large reads as well.
 
         Raises:
             StoreError: it does not exist, is none, is of another version, or is held by another
                 process.
         """
-        store = cls(connect(path, read_only=read_only), path)
+        store = cls(connect(path, read_only=read_only, roomy=roomy), path)
         if not read_only:
             try:
                 store.prepare()
@@ -121,9 +122,9 @@ class Store:
         return store
 
     @classmethod
-    def hold(cls, path: Path) -> Store:
+    def hold(cls, path: Path, *, roomy: bool = False) -> Store:
         """Take hold of a database for writing, as `open`; until `prepare` it may have no tables."""
-        return cls(connect(path, read_only=False), path)
+        return cls(connect(path, read_only=False, roomy=roomy), path)
 
     def prepare(self, views: Collection[str] = ()) -> None:
         """Make the tables and views of this version, or of these only some, where they are not there."""
@@ -144,7 +145,7 @@ class Store:
         store = cls.open(path, read_only=True)
         if not is_current(store._connection):
             store._connection.close()
-            cls.open(path)._connection.close()
+            cls.open(path, roomy=True)._connection.close()
             store = cls.open(path, read_only=True)
         return store
 

@@ -118,3 +118,12 @@ def test_a_changed_view_is_made_anew(path: Path) -> None:
         connection.execute("UPDATE schema_version SET sql_sha256 = 'older'")
     with Store.open(path) as store:
         assert "old" not in store.query("FROM accuracy.worst").column_names
+
+
+@pytest.mark.parametrize("roomy", [True, False])
+def test_who_writes_keeps_its_memory_small_unless_it_also_reads_much(
+    tmp_path: Path, roomy: bool
+) -> None:
+    with Store.open(tmp_path / "x.duckdb", roomy=roomy) as store:
+        limit = store.query("SELECT current_setting('memory_limit') AS m")["m"][0].as_py()
+    assert (limit == "61.0 MiB") is not roomy
