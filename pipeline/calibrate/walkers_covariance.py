@@ -51,7 +51,7 @@ def covariance_of(
     Height, in metres for its logarithm, must be the first.
     """
     jacobian = fit.jac.toarray() if hasattr(fit.jac, "toarray") else np.asarray(fit.jac)
-    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12, hermitian=True)
     excess = _excess(fit, sample)
     stated = _as_stated(jacobian, excess, sample)
     by_tracks = _by_tracks(jacobian, inverse, fit, sample, scale, excess)
@@ -74,7 +74,7 @@ def _as_stated(jacobian: FloatArray, excess: float, sample: Sample) -> FloatArra
     """Return the covariance by the stated deviations, those of the heads as they are found to be."""
     scaled = jacobian.copy()
     scaled[: len(sample.track)] /= np.sqrt(excess)
-    return np.asarray(np.linalg.pinv(scaled.T @ scaled, rcond=1e-12))
+    return np.asarray(np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True))
 
 
 def _by_tracks(
