@@ -1,6 +1,6 @@
 """Depth and height of walking people, from pictures alone: simulated cameras through the real `run`.
 
-    python -m bench.scenes --cameras 100 --workers 2
+    python -m bench.scenes --each
 
 Every camera is another seed of `recordings.simulate_walkers`: its pose, lens, place and crowd. The
 recording goes through detection, tracking, self-calibration and estimation as any other, and what
@@ -41,7 +41,8 @@ Floats = npt.NDArray[np.float64]
 CAMERA = "walkers"
 # Small pictures, so that many cameras take minutes; the detector works on 256-511 rows anyway.
 SETTINGS = Settings(duration_s=40.0, frame_rate=8.0, width_px=640, height_px=360)
-FIRST_SEED = 1000
+# The README's figures are of 100 seeds from here on: develop on others.
+FIRST_SEED = 8000
 MIN_MATCHED = 8  # frames in which a track was matched with a person, before its height counts
 DETECTORS = {"motion": "motion detector", "recorded": "true boxes"}
 POSES = {"found": "pose from walkers", "given": "pose given"}
@@ -204,7 +205,7 @@ def _describe(store: Store, result: Result, detector: str) -> None:
 def main() -> None:
     """Print what comes of many cameras."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--cameras", type=int, default=16)
+    parser.add_argument("--cameras", type=int, default=100)
     parser.add_argument("--workers", type=int, default=multiprocessing.cpu_count())
     parser.add_argument("--each", action="store_true", help="a row for each camera, too")
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
