@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 import time
+from contextlib import suppress
 from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
@@ -224,9 +225,10 @@ def listening(process_id: int) -> list[str]:
     """Return the addresses on which a process listens, as /proc has them (Linux)."""
     inodes = set()
     for link in Path(f"/proc/{process_id}/fd").iterdir():
-        target = str(link.readlink())
-        if target.startswith("socket:["):
-            inodes.add(target[8:-1])
+        with suppress(FileNotFoundError):  # closed meanwhile
+            target = str(link.readlink())
+            if target.startswith("socket:["):
+                inodes.add(target[8:-1])
     found = []
     for table in ("tcp", "tcp6"):
         for line in Path(f"/proc/{process_id}/net/{table}").read_text().splitlines()[1:]:
