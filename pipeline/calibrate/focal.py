@@ -20,6 +20,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import csr_matrix, hstack, vstack
 
+from pipeline.calibrate.bordered import ROBUST, settle
 from pipeline.calibrate.known import NOTHING_KNOWN, Known, check_known, scale_of
 from pipeline.calibrate.pace import Pace, pace_of
 from pipeline.calibrate.upright import NO_UPRIGHTS, Uprights
@@ -32,11 +33,12 @@ from pipeline.calibrate.walkers import (
     best_fit,
     check_determined,
     check_enough,
+    limits,
     plane_of,
     report_of,
     uprights_at,
 )
-from pipeline.calibrate.walkers_covariance import ROBUST, covariance_of
+from pipeline.calibrate.walkers_covariance import covariance_of
 from pipeline.calibrate.walkers_model import (
     ABOVE,
     MEAN,
@@ -195,8 +197,11 @@ def _jacobian(x: FloatArray, sample: Sample, scale: Scale, pace: Pace, usual: fl
     step = STEP * np.eye(len(x))
     own = partial(_own, sample=seen, scale=known, pace=pace, usual=usual)
     below = np.zeros((len(pace) + 2, last))
-    for unknown in (ABOVE, TILT, ROLL, MEAN, REACH):
+    for unknown in (ABOVE, TILT, ROLL):
         below[:, unknown] = (own(x + step[unknown]) - own(x - step[unknown])) / (2 * STEP)
+    for unknown in (MEAN, REACH):  # which no speed depends on
+        ends = [_as_residual(freedom(x + by * step[unknown], seen, known)) for by in (1, -1)]
+        below[-1, unknown] = (ends[0] - ends[1]) / (2 * STEP)
     off = partial(_residuals, sample=sample, scale=scale, pace=pace, usual=usual)
     by_focal = (off(x + step[last]) - off(x - step[last])) / (2 * STEP)
     of_pose = vstack([of_fit, csr_matrix(below)])
@@ -211,8 +216,7 @@ def fit_focal(
     `usual` is the logarithm of the focal length at q = 0 over the usual one, or any that is expected.
     """
     posed = best_fit(*scaled(sample, scale, q))
-    low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, -0.3, -1.0, -0.1, *(0.4 * scale.mean_m)]
-    high = [np.log(200.0), np.deg2rad(89), 0.35, 1.0, 0.3, 1.0, 0.1, *(1.6 * scale.mean_m)]
+    low, high = limits(scale)
     given = partial(_residuals, usual=usual), partial(_jacobian, usual=usual)
     return least_squares(
         given[0],
@@ -224,6 +228,25 @@ def fit_focal(
         bounds=([*low, LOW - usual], [*high, HIGH - usual]),
         x_scale="jac",
         max_nfev=200,
+    )
+
+
+def free_focal(fit: OptimizeResult, sample: Sample, scale: Scale, pace: Pace) -> OptimizeResult:
+    """Return the fit of pose and focal length from that of a pose, by the same residuals.
+
+    One start that is near: Levenberg and Marquardt's steps with statures eliminated take a tenth of
+    the evaluations of `least_squares`, whose inner solver sees a hundred unknowns.
+    """
+    low, high = (
+        np.append(bounds, end) for bounds, end in zip(limits(scale), (LOW, HIGH), strict=True)
+    )
+    given = sample, scale, pace, 0.0
+    return settle(
+        lambda x: _residuals(x, *given),
+        lambda x: _jacobian(x, *given),
+        np.append(fit.x, 0.0),
+        (low, high),
+        sample,
     )
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import OptimizeResult
 
-from pipeline.calibrate.focal import MODEL_STD, fit_focal
+from pipeline.calibrate.focal import MODEL_STD, free_focal
 from pipeline.calibrate.pace import pace_of
 from pipeline.calibrate.walkers import Fitted
 from pipeline.calibrate.walkers_covariance import covariance_of
@@ -83,7 +83,7 @@ def check_lens(fitted: Fitted) -> LensCheck | None:
         return None
     start = np.append(fitted.fit.x, 0.0)
     pace = pace_of(fitted.sample, OptimizeResult(x=start))
-    free = fit_focal(fitted.sample, fitted.scale, pace, 0.0)
+    free = free_focal(fitted.fit, fitted.sample, fitted.scale, pace)
     focal = len(free.x) - 1
     covariance = covariance_of(free, fitted.sample, fitted.scale, (ABOVE, TILT, ROLL, focal))
     std = math.hypot(math.sqrt(covariance[3, 3]), MODEL_STD)

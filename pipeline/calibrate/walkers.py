@@ -20,9 +20,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import OptimizeResult, least_squares
 
+from pipeline.calibrate.bordered import ROBUST
 from pipeline.calibrate.known import NOTHING_KNOWN, Known, check_known, scale_of
 from pipeline.calibrate.upright import NO_UPRIGHTS, Uprights, find_uprights
-from pipeline.calibrate.walkers_covariance import ROBUST, covariance_of
+from pipeline.calibrate.walkers_covariance import covariance_of
 from pipeline.calibrate.walkers_model import (
     PEOPLE,
     REACH,
@@ -229,10 +230,15 @@ def _start_cost(sample: Sample, scale: Scale, tilt: float) -> float:
     return float(np.minimum(np.abs(off), 5.0).sum())
 
 
-def _fit(sample: Sample, scale: Scale, tilt: float) -> OptimizeResult:
-    start = _start(sample, scale, tilt)
+def limits(scale: Scale) -> tuple[FloatArray, FloatArray]:
+    """Return the bounds of the unknowns: what can be."""
     low = [np.log(0.3), np.deg2rad(-10), -0.35, -1.0, -0.3, -1.0, -0.1, *(0.4 * scale.mean_m)]
     high = [np.log(200.0), np.deg2rad(89), 0.35, 1.0, 0.3, 1.0, 0.1, *(1.6 * scale.mean_m)]
+    return np.array(low), np.array(high)
+
+
+def _fit(sample: Sample, scale: Scale, tilt: float) -> OptimizeResult:
+    start = _start(sample, scale, tilt)
     return least_squares(
         residuals,
         start,
@@ -240,7 +246,7 @@ def _fit(sample: Sample, scale: Scale, tilt: float) -> OptimizeResult:
         args=(sample, scale),
         loss="soft_l1",
         f_scale=ROBUST,
-        bounds=(low, high),
+        bounds=limits(scale),
         x_scale="jac",
         max_nfev=200,
     )

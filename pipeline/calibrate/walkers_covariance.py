@@ -21,11 +21,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import OptimizeResult
 
+from pipeline.calibrate.bordered import ROBUST
 from pipeline.calibrate.walkers_model import ABOVE, PEOPLE, ROLL, TILT, Sample, Scale, residuals
 from pipeline.estimate.repeats import BOX_COMMON_STD
 from pipeline.records import FloatArray
 
-ROBUST = 1.5  # deviations beyond which a residual counts less than its square, by `soft_l1`
 # Residuals do not show what a track's boxes have in common, so for the variance that follows from the
 # stated deviations they may not say less than half of it.
 MIN_VARIANCE_RATIO = 0.5
