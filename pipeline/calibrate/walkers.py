@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 from scipy.optimize import OptimizeResult, least_squares
 
 from pipeline.calibrate.bordered import ROBUST
@@ -211,7 +212,7 @@ def are_alike(sample: Sample, fit: OptimizeResult, prior: SizePrior) -> npt.NDAr
     z_m = foot_depth_m(np.exp(pose[0]), pose[1], y_f)
     tall_m = height_m(z_m, y_f, y_h, pose[1])
     tall_m = tall_m / per_stature(y_h, pose[1], sample.reach + pose[REACH])
-    typical_m = np.array([np.nanmedian(tall_m[sample.track == t]) for t in range(sample.people)])
+    typical_m = pd.Series(tall_m).groupby(sample.track).median().to_numpy()
     relative = typical_m / np.nanmedian(typical_m) - 1
     return np.abs(relative) < MAX_DEVIATION * prior.std_m / prior.mean_m
 
