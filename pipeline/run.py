@@ -13,8 +13,8 @@ import json
 import platform
 import shutil
 import tempfile
-from collections.abc import Collection, Iterable, Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -22,7 +22,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from pipeline import __version__
-from pipeline.apart import VIEWS, Begun
+from pipeline.apart import Begun
 from pipeline.config import Config
 from pipeline.errors import StoreError, Where
 from pipeline.one_recording import Outcome, add_timelines, commit, measure
@@ -83,10 +83,9 @@ def run(
         ThreadPoolExecutor(1) as aside,
         _parts_folder(database) as parts,
     ):
-        here = workers <= 1 or len(paths) == 1
         # A new one's tables and views take half a second, which is nobody's to wait for. With one that
         # is there more can go wrong: that is to be known before an hour of footage is measured.
-        prepared = aside.submit(_prepare, store, begun, VIEWS if new and here else ())
+        prepared = aside.submit(_prepare, store, begun)
         if not new:
             prepared.result()
         last = {path.stem: path for path in paths}  # a timeline has its recording's name
@@ -100,14 +99,13 @@ def run(
             )
             for n, path in enumerate(paths)
         ]
-        done = partial(_one_by_one, aside) if here else partial(_side_by_side, workers)
+        done = _one_by_one if here else partial(_side_by_side, workers)
         for outcome in done(works, store, prepared, report):
             result.outcomes.append(outcome)
             if outcome.recording is not None:
                 frames = outcome.recording.frame_count
                 report(Progress(outcome.path.name, "done", frames, 1.0))
         prepared.result()
-        store.prepare()
         store.finish_run(begun.run_id)
     result.outcomes.sort(key=lambda outcome: paths.index(outcome.path))
     return result
@@ -118,14 +116,9 @@ def begin(config: Config, label: str | None) -> Begun:
     return Begun(new_run_id(), label, describe(config), library_versions())
 
 
-def _prepare(store: Store, begun: Begun, views: Collection[str]) -> None:
-    store.prepare(views)
+def _prepare(store: Store, begun: Begun) -> None:
+    store.prepare()
     begun.enter(store)
-
-
-def _prepare_rest(beside: Store) -> None:
-    with beside:
-        beside.prepare()
 
 
 def estimate_again(database: Path, config: Config, label: str | None) -> tuple[str, int]:
@@ -149,22 +142,18 @@ def estimate_again(database: Path, config: Config, label: str | None) -> tuple[s
 
 
 def _one_by_one(
-    aside: Executor, works: list[Work], store: Store, prepared: Future[None], report: Report
+    works: list[Work], store: Store, prepared: Future[None], report: Report
 ) -> Iterator[Outcome]:
     """Do all of one recording after another in this process."""
-    rest: Future[None] | None = None
     for work in works:
         outcome = measure(work.path, work.config, work.folder, threads=2, report=report)
         prepared.result()
-        # Measuring takes every core, pass 2 one: the views that nothing needs yet are made beside it.
-        rest = rest or aside.submit(_prepare_rest, store.beside())
         row = outcome.recording
         if row is None:
             _store_reason(store, outcome, work.begun.run_id)
         else:
             report(Progress(work.path.name, "estimate", row.frame_count, 1.0))
             commit(store, row, work.folder, work.begun.run_id, work.config, outcome.times)
-        rest.result()
         shutil.rmtree(work.folder, ignore_errors=True)
         if row is not None and work.timelines is not None:
             add_timelines(store, outcome, work.timelines, work.config, report)

@@ -131,10 +131,6 @@ class Store:
         with self.transaction():
             apply_schema(self._connection, views)
 
-    def beside(self) -> Store:
-        """Return another connection to the same database, with transactions of its own."""
-        return type(self)(self._connection.cursor(), self.path)
-
     @classmethod
     def open_current(cls, path: Path) -> Store:
         """Open a database for reading, its tables and views brought up to date if they are older.

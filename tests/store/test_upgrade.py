@@ -69,22 +69,3 @@ def test_a_database_with_some_of_the_views_gets_the_others(tmp_path: Path) -> No
         assert "recording_runs" in names  # which that one needs
     with Store.open(path) as store:
         assert {"accuracy.by_method", "current_estimates"} <= {v.name for v in store.views()}
-
-
-def test_the_other_views_are_made_while_rows_are_written(tmp_path: Path) -> None:
-    path = tmp_path / "some.duckdb"
-    with Store.hold(path) as store:
-        store.prepare(["main.current_run"])
-        with store.transaction():
-            store.add_diagnostics([NOTE], None, "r", "before.mcap")
-            with store.beside() as beside:
-                beside.prepare()
-            store.add_diagnostics([NOTE], None, "r", "after.mcap")
-    with Store.open(path, read_only=True) as store:
-        assert {"accuracy.by_method", "current_estimates"} <= {v.name for v in store.views()}
-        found = store.query("SELECT file_name FROM diagnostics ORDER BY ALL").to_pylist()
-        assert [row["file_name"] for row in found] == ["after.mcap", "before.mcap"]
-        bare = "FROM duckdb_columns() WHERE NOT internal AND comment IS NULL"
-        assert store.query(bare).num_rows == 0
-    with Store.open_current(path) as store:  # it is current: nothing is written
-        assert store.path == path
