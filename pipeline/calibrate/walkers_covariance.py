@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import OptimizeResult
 
-from pipeline.calibrate.bordered import ROBUST
+from pipeline.calibrate.bordered import Bordered, by_person, inverse_of, robust_pull
 from pipeline.calibrate.walkers_model import ABOVE, PEOPLE, ROLL, TILT, Sample, Scale, residuals
 from pipeline.estimate.repeats import BOX_COMMON_STD
 from pipeline.records import FloatArray
@@ -50,16 +50,16 @@ def covariance_of(
 
     Height, in metres for its logarithm, must be the first.
     """
-    jacobian = fit.jac.toarray() if hasattr(fit.jac, "toarray") else np.asarray(fit.jac)
-    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12, hermitian=True)
+    slopes = Bordered.of(fit.jac, sample)
+    inverse = inverse_of(slopes.shared.T @ slopes.shared)
     excess = _excess(fit, sample)
-    stated = _as_stated(jacobian, excess, sample)
-    by_tracks = _by_tracks(jacobian, inverse, fit, sample, scale, excess)
     share = sample.people / (sample.people + STATED_TRACKS)
-    moved = inverse @ (jacobian.T @ _common(fit, sample, scale))
-    covariance = share * by_tracks + (1 - share) * stated + moved @ moved.T
+    moved = inverse @ (slopes.shared.T @ _common(fit, sample, scale))
+    covariance = share * _by_tracks(slopes, inverse, fit, sample, scale, excess)
+    covariance += (1 - share) * _as_stated(fit, excess, sample) + moved @ moved.T
+    shared = [unknown if unknown < PEOPLE else unknown - sample.people for unknown in wanted]
     to_metres = np.diag([float(np.exp(fit.x[ABOVE])), *np.ones(len(wanted) - 1)])
-    return np.asarray(to_metres @ covariance[np.ix_(wanted, wanted)] @ to_metres)
+    return np.asarray(to_metres @ covariance[np.ix_(shared, shared)] @ to_metres)
 
 
 def _excess(fit: OptimizeResult, sample: Sample) -> float:
@@ -70,15 +70,16 @@ def _excess(fit: OptimizeResult, sample: Sample) -> float:
     return max(excess, MIN_VARIANCE_RATIO)
 
 
-def _as_stated(jacobian: FloatArray, excess: float, sample: Sample) -> FloatArray:
+def _as_stated(fit: OptimizeResult, excess: float, sample: Sample) -> FloatArray:
     """Return the covariance by the stated deviations, those of the heads as they are found to be."""
-    scaled = jacobian.copy()
-    scaled[: len(sample.track)] /= np.sqrt(excess)
-    return np.asarray(np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True))
+    per_row = np.ones(len(fit.fun))
+    per_row[: len(sample.track)] /= np.sqrt(excess)
+    shared = Bordered.of(fit.jac, sample, per_row).shared
+    return inverse_of(shared.T @ shared)
 
 
 def _by_tracks(
-    jacobian: FloatArray,
+    slopes: Bordered,
     inverse: FloatArray,
     fit: OptimizeResult,
     sample: Sample,
@@ -91,21 +92,18 @@ def _by_tracks(
     without them the scale would be another.
     """
     rows, people = len(sample.track), sample.people
-    # As `least_squares` scales its Jacobian for the loss, so that the product of both is the gradient.
-    pull = fit.fun * (1.0 + (fit.fun / ROBUST) ** 2) ** 0.25
-    known = ~scale.of_population
-    of_known = np.sqrt(excess) * jacobian[:rows][known[sample.track]]
-    beside = np.vstack([of_known, jacobian[rows : rows + people][known], jacobian[rows + people :]])
-    total = inverse @ (beside.T @ beside) @ inverse
-    for track in np.flatnonzero(~known):
-        # the heads, and the stature beside what is expected of it
-        mine = np.append(np.flatnonzero(sample.track == track), rows + track)
-        slopes = jacobian[mine]
-        gain = inverse @ slopes.T
-        without = np.eye(len(mine)) - slopes @ gain
-        change = gain @ np.linalg.lstsq(without, pull[mine], rcond=None)[0]
-        total += (people - 1) / people * np.outer(change, change)
-    return np.asarray(total)
+    shared, known = slopes.shared, ~scale.of_population
+    of_known = np.sqrt(excess) * shared[:rows][known[sample.track]]
+    beside = np.vstack([of_known, shared[rows : rows + people][known], shared[rows + people :]])
+    varied = inverse @ beside.T
+    pull = robust_pull(fit.fun)[: rows + people]
+    # Of each track: the heads, and the stature beside what is expected of it.
+    theirs = shared[: rows + people]
+    squares = by_person(theirs[:, :, None] * theirs[:, None, :], slopes.person, people)
+    pulls = by_person(theirs * pull[:, None], slopes.person, people)
+    without = (shared.T @ shared - squares)[~known]
+    change = (inverse_of(without) @ pulls[~known][:, :, None])[:, :, 0]
+    return np.asarray(varied @ varied.T + (people - 1) / people * change.T @ change)
 
 
 def _common(fit: OptimizeResult, sample: Sample, scale: Scale) -> FloatArray:
