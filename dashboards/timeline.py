@@ -27,7 +27,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import chain, takewhile
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -85,6 +85,9 @@ def write_timeline(
     try:
         stream.save(part, default_blueprint=layout)
         stream.send_recording_name(_name(sources))
+        # First how the cameras see: a picture without that is no part of the scene to the viewer.
+        for rows in chain.from_iterable(cameras):
+            log_camera(stream, rows, frustum_m=camera_view(rows).middle_m / 5)
         stop = Event()
         with ThreadPoolExecutor(1) as aside:
             pictures = aside.submit(_log_pictures, stream, sources, cameras, options, stop)
@@ -170,7 +173,7 @@ def _log_rows(
     _log_texts(stream, sources, cameras)
     for source, own in zip(sources, cameras, strict=True):
         for rows in own:
-            _log_camera(stream, rows, source.tables)
+            _log_scene(stream, rows, source.tables)
         place = path("diagnostics", *([_stem(source)] if len(sources) > 1 else []))
         log_diagnostics(stream, place, source.tables["diagnostics"], own)
 
@@ -193,11 +196,10 @@ def _save_layout(layout: Any, target: Path) -> None:
     part.replace(target)
 
 
-def _log_camera(
+def _log_scene(
     stream: rr.RecordingStream, rows: CameraRows, tables: Mapping[str, pa.Table]
 ) -> None:
     view: CameraView = camera_view(rows)
-    log_camera(stream, rows, frustum_m=view.middle_m / 5)
     log_ground(stream, rows, view.ruler_m, view.ahead_m[1])
     log_boxes(stream, rows)
     log_people(stream, rows)
