@@ -17,7 +17,7 @@ from pipeline import __version__
 from pipeline.store.database import Store
 
 # What is asked of a database while rows go into it; to make all views takes five times as long.
-VIEWS = ("accuracy.match_candidates", "main.current_run", "main.exposure_checks")
+_VIEWS = ("accuracy.match_candidates", "main.current_run", "main.exposure_checks")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,5 +53,5 @@ def _empty_database() -> bytes:
     with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
         path = Path(name) / "empty.duckdb"
         with Store.hold(path) as store:
-            store.prepare(VIEWS)
+            store.prepare(_VIEWS)
         return path.read_bytes()

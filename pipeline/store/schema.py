@@ -35,16 +35,13 @@ def apply_schema(connection: duckdb.DuckDBPyConnection, only: Collection[str] = 
         only: the views that it is to have, with those that they need; none named is all.
     """
     connection.execute(_VERSION_TABLE)
-    made = _made(connection)
-    if made == _digest():
+    if is_current(connection):
         return
     tables, functions = _first_scripts()
     wanted = _with_needed(only)
-    # Where tables are there already nothing touches them: somebody may be writing rows meanwhile.
-    if made != _PARTIAL + _digest():
-        upgrade_tables(connection, tables)
-        connection.execute(tables)
-        connection.execute(functions)
+    upgrade_tables(connection, tables)
+    connection.execute(tables)
+    connection.execute(functions)
     for name, script in view_scripts():
         if not only or name in wanted:
             connection.execute(script)
