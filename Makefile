@@ -37,7 +37,7 @@ bench: $(VENV)/.ready-dev
 	$(BIN)/python -m bench
 
 pictures: $(VENV)/.ready
-	$(BIN)/python -m dashboards.pictures out/demo docs
+	$(BIN)/python -m dashboards.for_docs.pictures out/demo docs
 
 # atheris has wheels for Linux; elsewhere, or for a Python without one, inputs are mutated only.
 fuzz: $(VENV)/.ready-dev

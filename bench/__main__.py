@@ -14,7 +14,7 @@ from bench import (
     timeline,
     walkers,
 )
-from pipeline.console import out
+from pipeline.cli.console import out
 
 for title, part in (
     ("The paper's rows", paper),

@@ -4,7 +4,8 @@ All get the same edges, those that the fit takes for steps, and give sigma in th
 how edges are combined is the same for all too. So nothing but the estimators is compared: alone, a ratio
 of slopes has no way to tell a step from something else.
 
-- fit: the edge-spread function of a disc and the camera's floor, fitted (`pipeline.blur.spread`).
+- fit: the edge-spread function of a disc and the camera's floor, fitted
+  (`pipeline.measure.blur.edge_spread`).
 - Gaussian fit: the same, with a Gaussian's edge; what ISO 12233 readers do.
 - re-blur ratio: Zhuo & Sim, "Defocus map estimation from a single image" (Pattern Recognition 44,
   2011): the gradient of an edge over that of the edge blurred once more by sigma_0, R; sigma = sigma_0 /
@@ -20,9 +21,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import ive
 
-from pipeline.blur.edges import REACH_PX, Edges
-from pipeline.blur.spread import Widths, fitted, in_stored_pixels, widths_of
-from pipeline.records import FloatArray
+from pipeline.core.records import FloatArray
+from pipeline.measure.blur.edge_spread import Widths, fitted, in_stored_pixels, widths_of
+from pipeline.measure.blur.edges import REACH_PX, Edges
 
 REBLUR_PX = 1.0
 BOX_PX2 = 1 / 3  # the variance of a difference of neighbours two pixels apart

@@ -27,9 +27,9 @@ import pyarrow.parquet as pq
 from mcap.reader import make_reader
 from scipy.optimize import linear_sum_assignment
 
-from pipeline.config import Config, DetectConfig
-from pipeline.console import out, print_rows
-from pipeline.first_pass import measure_recording
+from pipeline.cli.console import out, print_rows
+from pipeline.core.config import Config, DetectConfig
+from pipeline.run.pass_one import measure_recording
 from recordings.simulate_walkers import write
 from recordings.walkers_random import make_scene
 from recordings.walkers_scene import Settings

@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline.config import Config, load_config
-from pipeline.console import out, print_rows
-from pipeline.records import CAMERAS, OBSERVATIONS, FloatArray
-from pipeline.run import describe, library_versions
-from pipeline.second_pass import estimate_recording
-from pipeline.stages import Spent, Stopwatch
+from pipeline.cli.console import out, print_rows
+from pipeline.core.config import Config, load_config
+from pipeline.core.records import CAMERAS, OBSERVATIONS, FloatArray
+from pipeline.core.timing import Spent, Stopwatch
+from pipeline.run.pass_two import estimate_recording
+from pipeline.run.recordings import describe, library_versions
 from pipeline.store.database import RecordingRow, Store
-from pipeline.store.parts import PartWriter, as_table
+from pipeline.store.parquet_parts import PartWriter, as_table
 
 FRAME_RATE, PEOPLE, WALK_S = 25, 5, 20
 WIDTH_PX, HEIGHT_PX, FOCAL_PX = 1920, 1080, 1500.0
@@ -138,7 +138,7 @@ def _track_rows(observations: pa.Table) -> pa.Table:
     )
     first, last = grouped["frame_index_min"].to_numpy(), grouped["frame_index_max"].to_numpy()
     n = len(first)
-    from pipeline.records import TRACKS
+    from pipeline.core.records import TRACKS
 
     return as_table(
         {
@@ -157,7 +157,7 @@ def _track_rows(observations: pa.Table) -> pa.Table:
 
 
 def _frame_rows(rng: np.random.Generator, first: int, end: int) -> pa.Table:
-    from pipeline.records import FRAMES
+    from pipeline.core.records import FRAMES
 
     n = end - first
     index = np.arange(first, end)

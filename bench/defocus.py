@@ -21,17 +21,18 @@ import cv2
 import numpy as np
 
 from bench.blur_estimators import ESTIMATORS
-from pipeline.blur import measure as blur_measure
-from pipeline.blur.expect import FLOOR_PX
-from pipeline.blur.measure import Blur, combine, expected, measure, unmeasured
-from pipeline.config import Config, SizePrior
-from pipeline.console import out, print_rows
-from pipeline.estimate import defocus, fused, size
-from pipeline.estimate.columns import Estimated, Measured
-from pipeline.estimate.geometry import Geometry
-from pipeline.ingest.lens import Lens
+from pipeline.cli.console import out, print_rows
+from pipeline.core.config import Config, SizePrior
+from pipeline.core.lens import Lens
+from pipeline.core.records import Boxes, Dimension, FloatArray, Intrinsics, Method
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.fusion import fused
+from pipeline.estimate.methods import defocus, size
+from pipeline.estimate.types import Estimated, Measured
+from pipeline.measure.blur import widths as blur_measure
+from pipeline.measure.blur.expected import FLOOR_PX
+from pipeline.measure.blur.widths import Blur, combine, expected, measure, unmeasured
 from pipeline.optics.defocus import diffraction_sigma_um
-from pipeline.records import Boxes, Dimension, FloatArray, Intrinsics, Method
 from recordings.sweep_random import F_NUMBERS, Shot, random_shot
 from recordings.sweep_scene import jpeg, photograph
 

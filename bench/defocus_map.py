@@ -2,8 +2,9 @@
 
     python -m bench.defocus_map -o docs/defocus.png
 
-The deviations are those that `pipeline/estimate/defocus.py` states, by its own constants, for an object
-whose blur is measured to 1.2 %, the median of `python -m bench.defocus`; the floor is not calibrated.
+The deviations are those that `pipeline/estimate/methods/defocus.py` states, by its own constants, for
+an object whose blur is measured to 1.2 %, the median of `python -m bench.defocus`; the floor is not
+calibrated.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
-from pipeline.blur.expect import FLOOR_PX, FLOOR_STD_PX
-from pipeline.config import ADULT
-from pipeline.console import out, print_rows
-from pipeline.estimate.defocus import FOCUS_STD, FOCUS_ZERO_STD_PER_M, LENS_STD, RESOLVED
+from pipeline.cli.console import out, print_rows
+from pipeline.core.config import ADULT
+from pipeline.core.records import FloatArray
+from pipeline.estimate.methods.defocus import FOCUS_STD, FOCUS_ZERO_STD_PER_M, LENS_STD, RESOLVED
+from pipeline.measure.blur.expected import FLOOR_PX, FLOOR_STD_PX
 from pipeline.optics.defocus import diffraction_sigma_um, radius_per_dioptre_um
-from pipeline.records import FloatArray
 
 BLUR_STD = 0.012
 STATURE_STD = ADULT.std_m / ADULT.mean_m

@@ -15,17 +15,17 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.config import Config
-from pipeline.diagnostics import Notes
+from pipeline.core.config import Config
+from pipeline.core.diagnostics import Notes
+from pipeline.core.records import Intrinsics
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.ingest.mcap_writer import (
+from pipeline.mcap_file.reader import McapFile
+from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
     timestamp,
 )
-from pipeline.records import Intrinsics
 from schemas.stadimeter_pb2 import BoundingBox, Detection, Detections
 
 STREET = Path(__file__).resolve().parents[1] / "recordings" / "street.mcap"

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bench.footage import FRAME_RATE, street_pictures, write_people, write_recording
-from pipeline.console import out, print_rows
+from pipeline.cli.console import out, print_rows
 
 PIXELS_S, ROWS_S = (20, 60, 240), (60, 600, 3600)
 # The peak that the kernel keeps for `getrusage` starts with that of the process that started this one;
@@ -18,8 +18,8 @@ PIXELS_S, ROWS_S = (20, 60, 240), (60, 600, 3600)
 CHILD = """
 import resource, sys
 from pathlib import Path
-from pipeline.config import Config
-from pipeline.run import run
+from pipeline.core.config import Config
+from pipeline.run.recordings import run
 if len(sys.argv) > 1:
     run([Path(sys.argv[1])], Path(sys.argv[2]), Config())
 else:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy.stats import f as f_distribution
 
 from bench.lens_models import MODELS, ONE_SIZE
-from pipeline.calibrate.from_truth import (
+from pipeline.calibrate.truth.fit import (
     Truth,
     TruthFitter,
     fit_inverse,
@@ -22,10 +22,10 @@ from pipeline.calibrate.from_truth import (
     fit_size,
     predict_held_out,
 )
-from pipeline.calibrate.regression import k_folds, rmse
+from pipeline.calibrate.truth.regression import k_folds, rmse
+from pipeline.core.records import Dimension
 from pipeline.optics.aperture_size import TABLE_8, depth_eq16_m
 from pipeline.optics.object_size import depth_inverse_model_m, height_eq14_m, height_exact_m
-from pipeline.records import Dimension
 
 Floats = npt.NDArray[np.float64]
 

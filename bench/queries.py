@@ -8,8 +8,8 @@ from pathlib import Path
 
 import duckdb
 
-from dashboards.report import write_report
-from pipeline.console import out, print_rows
+from dashboards.report.writer import write_report
+from pipeline.cli.console import out, print_rows
 from pipeline.store.database import Store
 
 RECORDINGS, PER_RECORDING = 100, 25_000

@@ -27,9 +27,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.config import CameraConfig, Config, DetectConfig
-from pipeline.console import out, print_rows
-from pipeline.run import estimate_again, run
+from pipeline.cli.console import out, print_rows
+from pipeline.core.config import CameraConfig, Config, DetectConfig
+from pipeline.run.recordings import estimate_again, run
 from pipeline.store.database import Store
 from recordings.simulate_walkers import write
 from recordings.walkers_random import make_scene

@@ -34,16 +34,16 @@ from bench.footage import (
     street_pictures,
     write_recording,
 )
-from pipeline.ahead import ahead
-from pipeline.config import MIN_SIDE_PX, Config
-from pipeline.console import out, print_rows
-from pipeline.diagnostics import Notes
-from pipeline.first_pass import READ_TOGETHER, measure_recording
+from pipeline.cli.console import out, print_rows
+from pipeline.core.config import MIN_SIDE_PX, Config
+from pipeline.core.diagnostics import Notes
+from pipeline.core.timing import StageTimes
+from pipeline.images.decode import Picture, decode
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.picture import Picture, decode
-from pipeline.run import run
-from pipeline.stages import StageTimes
+from pipeline.mcap_file.reader import McapFile
+from pipeline.parallel.prefetch import ahead
+from pipeline.run.pass_one import READ_TOGETHER, measure_recording
+from pipeline.run.recordings import run
 
 FRAMES, LONG = 600, 1500
 SCRIPT_FRAMES = 200  # its time is in proportion to them
@@ -280,8 +280,8 @@ def _difference(full: pd.DataFrame, other: pd.DataFrame) -> list[str]:
 WORKERS = """
 import os, sys, time
 from pathlib import Path
-from pipeline.config import MIN_SIDE_PX, Config
-from pipeline.run import run
+from pipeline.core.config import MIN_SIDE_PX, Config
+from pipeline.run.recordings import run
 workers = int(sys.argv[1])
 if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, range(workers))

@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.config import Config
-from pipeline.console import out, print_rows
-from pipeline.run import run
+from pipeline.cli.console import out, print_rows
+from pipeline.core.config import Config
+from pipeline.run.recordings import run
 from pipeline.store.database import Store
 
 Floats = npt.NDArray[np.float64]

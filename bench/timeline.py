@@ -16,12 +16,12 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from bench.footage import FRAME_RATE, START_NS, street_pictures, write_recording
-from dashboards.source import Source
-from dashboards.split import write_timelines
-from dashboards.timeline import write_timeline
-from pipeline.config import Config, TimelineConfig
-from pipeline.console import out, print_rows
-from pipeline.records import (
+from dashboards.timeline.source import Source
+from dashboards.timeline.split import write_timelines
+from dashboards.timeline.writer import write_timeline
+from pipeline.cli.console import out, print_rows
+from pipeline.core.config import Config, TimelineConfig
+from pipeline.core.records import (
     CAMERAS,
     DIAGNOSTICS,
     ESTIMATES,
@@ -31,7 +31,7 @@ from pipeline.records import (
     TRACK_HEIGHTS,
     TRACKS,
 )
-from pipeline.run import run
+from pipeline.run.recordings import run
 from pipeline.store.database import Store
 
 FRAMES_WRITTEN = 1500

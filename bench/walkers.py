@@ -21,17 +21,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.calibrate.focal import calibrate_lens_from_walkers
-from pipeline.calibrate.walkers import calibrate_from_walkers
-from pipeline.config import ADULT, POPULATION_MEAN_STD_M, Config
-from pipeline.console import out, print_rows
-from pipeline.errors import CalibrationUndetermined
-from pipeline.estimate import ground, size
-from pipeline.estimate.columns import Measured
-from pipeline.estimate.combine import fuse
+from pipeline.calibrate.walkers.focal_length import calibrate_lens_from_walkers
+from pipeline.calibrate.walkers.pose import calibrate_from_walkers
+from pipeline.cli.console import out, print_rows
+from pipeline.core.config import ADULT, POPULATION_MEAN_STD_M, Config
+from pipeline.core.errors import CalibrationUndetermined
+from pipeline.core.records import FloatArray, GroundPlane, Intrinsics, Method
+from pipeline.estimate.boxes.quality import assess
+from pipeline.estimate.boxes.reach import with_reach
+from pipeline.estimate.estimate_tracks import fuse
 from pipeline.estimate.gait import EXCURSION_M, GAIT_DROP_M, GAIT_DROP_STD_M, as_standing
-from pipeline.estimate.reach import with_reach
-from pipeline.estimate.tracks import track_heights
+from pipeline.estimate.methods import ground, size
+from pipeline.estimate.track_heights import track_heights
+from pipeline.estimate.types import Measured
 from pipeline.optics.ground_plane import (
     add_roll,
     foot_depth_m,
@@ -47,8 +49,6 @@ from pipeline.optics.silhouette import (
     silhouette_rows,
     steepness,
 )
-from pipeline.quality import assess
-from pipeline.records import FloatArray, GroundPlane, Intrinsics, Method
 
 FRAME_NS = 100_000_000
 WIDTH_PX, HEIGHT_PX = 1280, 720

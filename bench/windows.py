@@ -15,14 +15,14 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from bench.footage import START_NS, STREET
-from pipeline.cluster.run import run_shared
-from pipeline.config import Config
-from pipeline.console import out, print_rows
-from pipeline.diagnostics import Notes
+from pipeline.cli.console import out, print_rows
+from pipeline.cluster.manifest import read_manifests
+from pipeline.cluster.shared_run import run_shared
+from pipeline.core.config import Config
+from pipeline.core.diagnostics import Notes
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.ingest.mcap_writer import RecordingWriter, calibration_message, image_message
-from pipeline.store.manifest import read_manifests
+from pipeline.mcap_file.reader import McapFile
+from pipeline.mcap_file.writer import RecordingWriter, calibration_message, image_message
 
 SIDES = ["x_min_px", "y_min_px", "x_max_px", "y_max_px"]
 FRAME_NS = 100_000_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.records import IntArray, Method
+from pipeline.core.records import IntArray, Method
 
 Colours = npt.NDArray[np.uint8]
 

@@ -12,9 +12,9 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from fuzz.targets import ENCODINGS, FAMILIES
-from pipeline.ingest.decode.ros_builtin import DEFINITIONS
-from pipeline.ingest.mcap_writer import calibration_message, image_message, timestamp
-from pipeline.records import Intrinsics
+from pipeline.core.records import Intrinsics
+from pipeline.mcap_file.writer import calibration_message, image_message, timestamp
+from pipeline.messages.ros_builtin import DEFINITIONS
 from schemas.stadimeter_pb2 import CameraExposure, Detections, GroundTruth
 
 ROOT = Path(__file__).resolve().parents[1]

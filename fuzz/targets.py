@@ -9,17 +9,17 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from pipeline.config import Config, Limits, load_config
-from pipeline.diagnostics import Notes, diagnostics_table
-from pipeline.errors import StadimeterError
-from pipeline.ingest.decode.exif import exif_block, exposure_of, read_tags
-from pipeline.ingest.decode.registry import FAMILIES, decoder_of
-from pipeline.ingest.decode.tree import UndecodableMessage
+from pipeline.core.config import Config, Limits, load_config
+from pipeline.core.diagnostics import Notes, diagnostics_table
+from pipeline.core.errors import StadimeterError
+from pipeline.images.decode import decode
+from pipeline.images.exif import exif_block, exposure_of, read_tags
+from pipeline.images.header import hidden_cost, image_size
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import ChannelInfo, McapFile
-from pipeline.ingest.plausible import refuse_implausible
-from pipeline.picture import decode
-from pipeline.picture_header import hidden_cost, image_size
+from pipeline.ingest.plausibility import refuse_implausible
+from pipeline.mcap_file.reader import ChannelInfo, McapFile
+from pipeline.messages.registry import FAMILIES, decoder_of
+from pipeline.messages.tree import UndecodableMessage
 
 ENCODINGS = ("protobuf", "json", "cdr", "ros1")
 SCHEMA_ENCODINGS = ("protobuf", "jsonschema", "ros2msg", "ros1msg")

@@ -7,17 +7,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from pipeline.console import err, out, print_rows, safe
-from pipeline.errors import CalibrationUndetermined
+from pipeline.cli.console import err, out, print_rows, safe
+from pipeline.core.errors import CalibrationUndetermined
+from pipeline.core.records import Calibration, Pairing, Severity
 from pipeline.ingest.survey import CameraSurvey, Survey
-from pipeline.records import Calibration, Pairing, Severity
-from pipeline.run import RunResult
+from pipeline.run.recordings import RunResult
 from pipeline.store.database import Store
 
 if TYPE_CHECKING:
     from pipeline.calibrate.blur_floor import BlurFloor
-    from pipeline.calibration_run import FittedToTruth, Found
-    from pipeline.cluster.run import SharedResult
+    from pipeline.cluster.shared_run import SharedResult
+    from pipeline.run.calibration import FittedToTruth, Found
 
 T = TypeVar("T")
 

@@ -21,13 +21,13 @@ from pathlib import Path
 
 import cv2
 
-from pipeline.ingest.mcap_writer import (
+from pipeline.core.records import Intrinsics
+from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
     timestamp,
 )
-from pipeline.records import Intrinsics
 from recordings.staff_scene import HEIGHT_PX, ILLUMINANCE_LUX, SCALE, WIDTH_PX, photograph
 from recordings.staff_table import (
     EXPOSURE_TIME_S,

@@ -16,13 +16,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipeline.ingest.mcap_writer import (
+from pipeline.core.records import Intrinsics
+from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
     timestamp,
 )
-from pipeline.records import Intrinsics
 from recordings.sweep_scene import Lens, Scene, Target, jpeg, photograph
 from schemas.stadimeter_pb2 import BoundingBox, CameraExposure, Detections, GroundTruth
 

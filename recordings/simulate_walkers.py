@@ -21,7 +21,7 @@ from pathlib import Path
 
 import cv2
 
-from pipeline.ingest.mcap_writer import (
+from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,

@@ -11,15 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.config import POPULATION_MEAN_STD_M
-from pipeline.records import GroundPlane, Intrinsics
+from pipeline.core.config import POPULATION_MEAN_STD_M
+from pipeline.core.records import GroundPlane, Intrinsics
 from recordings.walkers_body import Build, Floats, Path
 from recordings.walkers_scene import Person, Scene, Settings, Walk, ends_m
 from recordings.walkers_things import Thing, bench, car, pole, sign, tree
 from recordings.walkers_view import View
 
 NEAREST_M, FARTHEST_M = 4.0, 45.0  # depths at which people pass
-# Stature of men and women, shod, as the population of pipeline.config.ADULT. The mean of those who
+# Stature of men and women, shod, as the population of pipeline.core.config.ADULT. The mean of those who
 # happen to walk here lies off the population's as far as the self-calibration is told it may.
 MEN_M, WOMEN_M, WITHIN_SEX_M = 1.74, 1.62, 0.066
 CHILD_M = (1.05, 1.45)

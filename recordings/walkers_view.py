@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pipeline.core.records import GroundPlane, Intrinsics
 from pipeline.optics.ground_plane import foot_depth_m, ground_position_m, remove_roll
 from pipeline.optics.pinhole import PinholeCamera
-from pipeline.records import GroundPlane, Intrinsics
 
 Floats = npt.NDArray[np.float64]
 

@@ -12,10 +12,10 @@ import os
 import sys
 from pathlib import Path
 
-import dashboards.timeline  # noqa: F401
-import pipeline.run
-import pipeline.second_pass
-from pipeline.config import CameraConfig, Config
+import dashboards.timeline.writer  # noqa: F401
+import pipeline.run.pass_two
+import pipeline.run.recordings
+from pipeline.core.config import CameraConfig, Config
 
 CONFIG = Config(camera=(CameraConfig("cam", camera_height_m=1.5, tilt_deg=0.0),))
 
@@ -27,7 +27,7 @@ def main() -> None:
         if child == 0:
             code = 1
             try:
-                result = pipeline.run.run(recordings, database, CONFIG)
+                result = pipeline.run.recordings.run(recordings, database, CONFIG)
                 code = len(result.failed)
             finally:
                 os._exit(code)

@@ -15,7 +15,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 
-from pipeline.ingest.mcap_writer import RecordingWriter, image_message, timestamp
+from pipeline.mcap_file.writer import RecordingWriter, image_message, timestamp
 from schemas.stadimeter_pb2 import CameraExposure
 
 MAGIC = b"\x89MCAP0\r\n"

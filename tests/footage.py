@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.picture import Picture, decode
-from pipeline.records import UNKNOWN_EXPOSURE, Frame, Pairing
+from pipeline.core.records import UNKNOWN_EXPOSURE, Frame, Pairing
+from pipeline.images.decode import Picture, decode
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 FRAME_NS = 40_000_000

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from pipeline.ahead import ahead
+from pipeline.parallel.prefetch import ahead
 
 
 def test_items_come_in_order_and_from_another_thread() -> None:

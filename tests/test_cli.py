@@ -205,6 +205,6 @@ def test_calibrating_without_truth_says_so(workplace: Path, tmp_path: Path) -> N
 
 def test_asking_the_database_waits_for_no_library_that_it_does_not_need() -> None:
     heavy = ("cv2", "pandas", "rerun", "scipy")
-    code = f"import pipeline.query, sys; print([m for m in {heavy} if m in sys.modules])"
+    code = f"import pipeline.cli.query, sys; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done.stderr

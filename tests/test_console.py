@@ -4,7 +4,7 @@ import pyarrow as pa
 import pytest
 from rich.console import Console
 
-from pipeline import console
+from pipeline.cli import console
 
 WIDE = pa.table({f"a_long_name_{i}": [i / 7, 1.0] for i in range(20)})
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.diagnostics import MAX_KINDS, Notes
-from pipeline.records import Diagnostic, Severity
+from pipeline.core.diagnostics import MAX_KINDS, Notes
+from pipeline.core.records import Diagnostic, Severity
 
 
 def note(message: str, severity: Severity = Severity.WARNING, time_ns: int = 1) -> Diagnostic:

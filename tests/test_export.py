@@ -12,17 +12,17 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
-from pipeline.config import CameraConfig, Config, Limits
-from pipeline.diagnostics import Notes
-from pipeline.errors import UsageError
+from pipeline.core.config import CameraConfig, Config, Limits
+from pipeline.core.diagnostics import Notes
+from pipeline.core.errors import UsageError
 from pipeline.export.annotations import CameraScene
 from pipeline.export.recording import export_recording
-from pipeline.ingest.decode.protobuf import tree_of
-from pipeline.ingest.decode.transforms import frame_transform
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
 from pipeline.ingest.pose import rotation_matrix
-from pipeline.run import run
+from pipeline.mcap_file.reader import McapFile
+from pipeline.messages.protobuf import tree_of
+from pipeline.messages.transforms import frame_transform
+from pipeline.run.recordings import run
 from tests.test_run import write_people
 
 CAMERA = CameraConfig("cam", camera_height_m=1.5, tilt_deg=0.0)

@@ -16,18 +16,18 @@ from mcap.opcode import Opcode
 from mcap.writer import Writer
 from rerun.chunk import RrdReader
 
-from pipeline.config import Limits
-from pipeline.ingest.decode.protobuf import class_in_schema
-from pipeline.ingest.decode.registry import FAMILIES, decoder_of, reader_of
-from pipeline.ingest.decode.tree import UndecodableMessage
-from pipeline.ingest.mcap_records import ChannelInfo
-from pipeline.ingest.mcap_writer import (
+from pipeline.core.config import Limits
+from pipeline.core.records import Intrinsics
+from pipeline.mcap_file.reader import ChannelInfo
+from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
     timestamp,
 )
-from pipeline.records import Intrinsics
+from pipeline.messages.protobuf import class_in_schema
+from pipeline.messages.registry import FAMILIES, decoder_of, reader_of
+from pipeline.messages.tree import UndecodableMessage
 from pipeline.store.connection import connect
 from pipeline.store.database import Store
 from schemas.stadimeter_pb2 import Detections, GroundTruth
@@ -279,7 +279,11 @@ FORBIDDEN_CALLS = frozenset(("eval", "exec", "compile", "__import__"))
 # A viewer on this machine is reached by its port, and a cluster by the address that the user gives;
 # nothing of either comes from a recording.
 BY_ADDRESS = frozenset(
-    {"dashboards/viewer.py", "dashboards/screenshot.py", "pipeline/cluster/engine.py"}
+    {
+        "dashboards/review/viewer.py",
+        "dashboards/for_docs/screenshot.py",
+        "pipeline/cluster/engine.py",
+    }
 )
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from bench.walkers import HEIGHT_PX, WIDTH_PX, scene
-from pipeline.calibration_run import Found, calibrate_stored_walkers
-from pipeline.config import Config, load_config
-from pipeline.records import OBSERVATIONS
-from pipeline.run import describe
-from pipeline.second_pass import estimate_recording
+from pipeline.core.config import Config, load_config
+from pipeline.core.records import OBSERVATIONS
+from pipeline.run.calibration import Found, calibrate_stored_walkers
+from pipeline.run.pass_two import estimate_recording
+from pipeline.run.recordings import describe
 from pipeline.store.database import Store
-from pipeline.store.parts import PartWriter, as_table
+from pipeline.store.parquet_parts import PartWriter, as_table
 from tests.store.rows import recording
 from tests.test_second_pass import full
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.measure import Seen, luminance_inside, observe
-from pipeline.picture import Picture
-from pipeline.records import OBSERVATIONS, Boxes
+from pipeline.core.records import OBSERVATIONS, Boxes
+from pipeline.images.decode import Picture
+from pipeline.measure.observations import Seen, luminance_inside, observe
 from tests.footage import frame
 
 

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import UndecodableImage
-from pipeline.picture import decode, relative_luminance_of
-from pipeline.picture_header import image_size
+from pipeline.core.errors import UndecodableImage
+from pipeline.images.decode import decode, relative_luminance_of
+from pipeline.images.header import image_size
 
 
 def encoded(kind: str, width: int = 321, height: int = 243, value: int = 120) -> bytes:

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import UndecodableImage
-from pipeline.picture import decode
-from pipeline.picture_header import hidden_cost, image_size
+from pipeline.core.errors import UndecodableImage
+from pipeline.images.decode import decode
+from pipeline.images.header import hidden_cost, image_size
 
 MAX_PIXELS = 100_000_000
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import StoreError
-from pipeline.processes import RETRIES, Engine, LocalEngine, WorkerLost, local_engine, tell
+from pipeline.core.errors import StoreError
+from pipeline.parallel.processes import RETRIES, Engine, LocalEngine, WorkerLost, local_engine, tell
 
 
 def double(number: int) -> int:

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.estimate import ground
-from pipeline.estimate.columns import Measured
-from pipeline.estimate.fused import beside_track
-from pipeline.estimate.geometry import Geometry
-from pipeline.quality import assess, with_track
-from pipeline.records import OBSERVATION_QUALITY, GroundPlane
-from pipeline.stride import stride_phase_rad
+from pipeline.core.records import OBSERVATION_QUALITY, GroundPlane
+from pipeline.estimate.boxes.gait_phase import stride_phase_rad
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.boxes.quality import assess, with_track
+from pipeline.estimate.fusion.fused import beside_track
+from pipeline.estimate.methods import ground
+from pipeline.estimate.types import Measured
 from tests.estimate.scenes import measured, people
 
 PLANE = GroundPlane(6.0, 0.25)

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import UndecodableImage
-from pipeline.picture import decode
-from pipeline.raw_image import as_jpeg, compressed, decode_raw
-from pipeline.records import RawLayout
+from pipeline.core.errors import UndecodableImage
+from pipeline.core.records import RawLayout
+from pipeline.images.decode import decode
+from pipeline.images.raw import as_jpeg, compressed, decode_raw
 from tests.footage import frame
 
 WIDTH, HEIGHT = 64, 48

@@ -11,19 +11,19 @@ import cv2
 import numpy as np
 import pytest
 
-import pipeline.one_recording
-from pipeline.config import CameraConfig, Config
-from pipeline.errors import StoreError
-from pipeline.ingest.mcap_writer import (
+import pipeline.run.recording
+from pipeline.core.config import CameraConfig, Config
+from pipeline.core.errors import StoreError
+from pipeline.core.progress import Progress
+from pipeline.core.records import Intrinsics
+from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
     timestamp,
 )
 from pipeline.optics.silhouette import mean_reach
-from pipeline.progress import Progress
-from pipeline.records import Intrinsics
-from pipeline.run import estimate_again, run
+from pipeline.run.recordings import estimate_again, run
 from pipeline.store.database import RecordingRow, Store
 from schemas.stadimeter_pb2 import Detections, GroundTruth
 from tests.tables import assert_same, everything
@@ -246,7 +246,7 @@ def test_a_database_that_cannot_be_prepared_ends_the_run(
     if not new:
         run([people], database, LEVEL)
     measured: list[Path] = []
-    measure = pipeline.one_recording.measure_recording
+    measure = pipeline.run.recording.measure_recording
 
     def seen(path: Path, *rest: Any, **named: Any) -> RecordingRow:
         measured.append(path)
@@ -255,7 +255,7 @@ def test_a_database_that_cannot_be_prepared_ends_the_run(
     def refuse(store: Store, views: Collection[str] = ()) -> None:
         raise StoreError("no room for tables")
 
-    monkeypatch.setattr(pipeline.one_recording, "measure_recording", seen)
+    monkeypatch.setattr(pipeline.run.recording, "measure_recording", seen)
     monkeypatch.setattr(Store, "prepare", refuse)
     with pytest.raises(StoreError, match="no room for tables"):
         run([people], database, LEVEL)

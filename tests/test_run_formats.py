@@ -14,10 +14,10 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
-from pipeline.config import CameraConfig, Config
-from pipeline.ingest.mcap_writer import RecordingWriter, calibration_message, timestamp
-from pipeline.records import Intrinsics
-from pipeline.run import estimate_again, run
+from pipeline.core.config import CameraConfig, Config
+from pipeline.core.records import Intrinsics
+from pipeline.mcap_file.writer import RecordingWriter, calibration_message, timestamp
+from pipeline.run.recordings import estimate_again, run
 from pipeline.store.database import Store
 from tests.footage import FRAME_NS, HEIGHT_PX, WIDTH_PX, Walker, ground, paint
 

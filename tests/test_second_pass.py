@@ -9,14 +9,14 @@ import pandas as pd
 import pytest
 
 from bench.day import CAMERA_FILE, FOCAL_PX, START_NS, walkers
-from pipeline.blur.expect import FLOOR_PX
-from pipeline.config import Config, load_config
+from pipeline.core.config import Config, load_config
+from pipeline.core.records import OBSERVATIONS
+from pipeline.measure.blur.expected import FLOOR_PX
 from pipeline.optics.defocus import diffraction_sigma_um, dioptres, radius_per_dioptre_um
-from pipeline.records import OBSERVATIONS
-from pipeline.run import describe
-from pipeline.second_pass import estimate_recording
+from pipeline.run.pass_two import estimate_recording
+from pipeline.run.recordings import describe
 from pipeline.store.database import Store
-from pipeline.store.parts import PartWriter, as_table
+from pipeline.store.parquet_parts import PartWriter, as_table
 from tests.store.rows import recording
 
 FOCAL_MM = 50.0
@@ -135,7 +135,7 @@ def write(folder: Path) -> None:
 
 def full(table: str, columns: dict[str, object]) -> object:
     """Return rows of a table of pass 1; what is not said is null."""
-    from pipeline.records import PASS_ONE
+    from pipeline.core.records import PASS_ONE
 
     names = PASS_ONE[table].names
     n = len(next(iter(columns.values())))  # type: ignore[arg-type]

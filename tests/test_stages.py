@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from pipeline.stages import NOTHING, Spent, StageTimes, Stopwatch
+from pipeline.core.timing import NOTHING, Spent, StageTimes, Stopwatch
 
 
 def busy(seconds: float) -> None:

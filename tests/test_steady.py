@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from bench.walkers import scene
-from pipeline.steady import height_off_px
+from pipeline.estimate.boxes.outliers import height_off_px
 from tests.estimate.scenes import measured
 
 

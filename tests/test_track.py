@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.config import TrackConfig
-from pipeline.records import Boxes
-from pipeline.track import Tracker
-from pipeline.track_filter import ACCELERATION_STD, FOOT_STD, SPEED_STD
+from pipeline.core.config import TrackConfig
+from pipeline.core.records import Boxes
+from pipeline.track.kalman import ACCELERATION_STD, FOOT_STD, SPEED_STD
+from pipeline.track.tracker import Tracker
 
 FRAME_NS = 40_000_000
 

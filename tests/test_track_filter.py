@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.track_filter import (
+from pipeline.track.kalman import (
     ACCELERATION_STD,
     FOOT_STD,
     HEIGHT_CHANGE_STD,

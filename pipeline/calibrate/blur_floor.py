@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.config import CameraConfig
-from pipeline.errors import CalibrationUndetermined
-from pipeline.estimate.columns import Measured
-from pipeline.estimate.defocus import LENS_STD, BlurVariance, focus_std_per_m
-from pipeline.estimate.geometry import Geometry
-from pipeline.estimate.sweep import LEAST_STD_PX, solve
+from pipeline.core.config import CameraConfig
+from pipeline.core.errors import CalibrationUndetermined
+from pipeline.core.records import FloatArray
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.methods.defocus import LENS_STD, BlurVariance, focus_std_per_m
+from pipeline.estimate.methods.defocus_sweep import LEAST_STD_PX, solve
+from pipeline.estimate.types import Measured
 from pipeline.optics.defocus import dioptres
-from pipeline.records import FloatArray
 
 LEAST_OBSERVATIONS, LEAST_TRACKS = 5, 10
 SHARPEST = 0.1

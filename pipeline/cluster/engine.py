@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from pipeline.errors import MissingLibrary, StadimeterError
-from pipeline.processes import RETRIES, lost
+from pipeline.core.errors import MissingLibrary, StadimeterError
+from pipeline.parallel.processes import RETRIES, lost
 
 
 class RayEngine:

@@ -21,12 +21,12 @@ from mcap.records import Channel, Chunk, ChunkIndex, Message
 from mcap.stream_reader import breakup_chunk
 from mcap.summary import Summary
 
-from pipeline.config import Config, Limits
-from pipeline.diagnostics import Notes
-from pipeline.errors import DamagedRecording, Where
-from pipeline.ingest.decode.content import Kind
-from pipeline.ingest.decode.registry import kind_of
-from pipeline.ingest.mcap_records import ChannelInfo, McapFile, Note, RawMessage
+from pipeline.core.config import Config, Limits
+from pipeline.core.diagnostics import Notes
+from pipeline.core.errors import DamagedRecording, Where
+from pipeline.mcap_file.reader import ChannelInfo, McapFile, Note, RawMessage
+from pipeline.messages.content import Kind
+from pipeline.messages.registry import kind_of
 
 # A window begins so long before its cut: 15 s in which the detector learns the background
 # (`DetectConfig.learning_s`), and two time constants of 10 s in which the background settles

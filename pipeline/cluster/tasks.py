@@ -17,24 +17,24 @@ from functools import partial
 from pathlib import Path
 
 from pipeline import __version__
-from pipeline.apart import Begun, own_store
-from pipeline.cluster.split import Plan, Window, WindowFile, plan_windows
-from pipeline.cluster.stitch import stitch
-from pipeline.config import Config
-from pipeline.errors import StadimeterError
-from pipeline.first_pass import measure_recording
-from pipeline.one_recording import commit
-from pipeline.records import Diagnostic, Severity
-from pipeline.stages import StageTimes
-from pipeline.store.database import RecordingRow, Store
-from pipeline.store.manifest import (
+from pipeline.cluster.manifest import (
     Manifest,
     Source,
     key_of_failure,
     new_parts_folder,
     write_manifest,
 )
-from pipeline.store.shared import export
+from pipeline.cluster.split import Plan, Window, WindowFile, plan_windows
+from pipeline.cluster.stitch import stitch
+from pipeline.core.config import Config
+from pipeline.core.errors import StadimeterError
+from pipeline.core.records import Diagnostic, Severity
+from pipeline.core.timing import StageTimes
+from pipeline.run.pass_one import measure_recording
+from pipeline.run.recording import commit
+from pipeline.store.database import RecordingRow, Store
+from pipeline.store.parquet import export
+from pipeline.store.scratch import Begun, own_store
 
 _DONE = "window.json"
 

@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from pipeline.config import CameraConfig, DetectConfig
-from pipeline.detect.motion import MotionDetector
-from pipeline.detect.onnx import OnnxDetector
+from pipeline.core.config import CameraConfig, DetectConfig
+from pipeline.core.errors import UsageError
+from pipeline.core.records import Boxes, Expected, Frame
+from pipeline.detect.motion.detector import MotionDetector
+from pipeline.detect.network.detector import OnnxDetector
 from pipeline.detect.recorded import RecordedDetector
 from pipeline.detect.roi import RoiDetector
-from pipeline.errors import UsageError
-from pipeline.picture import Picture
-from pipeline.records import Boxes, Expected, Frame
+from pipeline.images.decode import Picture
 
 
 class Detector(Protocol):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.picture import Picture
-from pipeline.records import Boxes, Expected, Frame
+from pipeline.core.records import Boxes, Expected, Frame
+from pipeline.images.decode import Picture
 
 
 class RecordedDetector:

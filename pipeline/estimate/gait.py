@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from pipeline.estimate.columns import BoolArray, Estimated, Measured
+from pipeline.estimate.types import BoolArray, Estimated, Measured
 
 WALKER = "person"
 

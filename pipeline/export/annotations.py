@@ -26,7 +26,7 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from scipy.spatial.transform import Rotation
 
 from pipeline.export.results import FrameResult, Row
-from pipeline.ingest.mcap_writer import timestamp
+from pipeline.mcap_file.writer import timestamp
 from schemas.stadimeter_pb2 import Estimate, Estimates
 
 _CORNER_PX = 0.5  # Foxglove counts from the corner of the first pixel, here its centre is (0, 0)

@@ -13,17 +13,17 @@ from mcap.records import Attachment
 from mcap.writer import CompressionType, Writer
 
 from pipeline import __version__
-from pipeline.config import Limits
-from pipeline.diagnostics import Notes
-from pipeline.errors import StadimeterError, UsageError, Where
+from pipeline.core.config import Limits
+from pipeline.core.diagnostics import Notes
+from pipeline.core.errors import StadimeterError, UsageError, Where
+from pipeline.core.files import whole_file
+from pipeline.core.progress import Progress, Report, silent
 from pipeline.export.annotations import CameraScene
 from pipeline.export.results import FrameResult, frame_results
-from pipeline.ingest.channels import EXPORTED
-from pipeline.ingest.mcap_records import ChannelInfo, McapFile, RawMessage
-from pipeline.ingest.mcap_writer import CHUNK_BYTES, schema_of
-from pipeline.progress import Progress, Report, silent
+from pipeline.ingest.sources import EXPORTED
+from pipeline.mcap_file.reader import ChannelInfo, McapFile, RawMessage
+from pipeline.mcap_file.writer import CHUNK_BYTES, schema_of
 from pipeline.store.database import Store
-from pipeline.whole_file import whole_file
 
 
 @dataclass(frozen=True, slots=True)

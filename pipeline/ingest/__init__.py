@@ -1,7 +1,7 @@
 """From the bytes of a recording to frames with all that belongs to their time.
 
 mcap_records:   bytes -> messages, past damage
-decode/:        one message -> one record of `pipeline.records`, whatever its encoding
+decode/:        one message -> one record of `pipeline.core.records`, whatever its encoding
 channels:       which decoder a channel needs
 exposure:       lens and exposure values, each checked against physics
 named_exposure: those that a camera file finds in other channels

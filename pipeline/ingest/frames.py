@@ -12,25 +12,10 @@ from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from pipeline.config import CameraConfig, IngestConfig
-from pipeline.diagnostics import Notes
-from pipeline.errors import MissingLibrary, UndecodableImage, UnsupportedChannel
-from pipeline.ingest.channels import Channels, Source
-from pipeline.ingest.decode.content import Decoded, EncodedImage, Kind, VideoPacket
-from pipeline.ingest.decode.exif import exif_block, exposure_of, read_tags
-from pipeline.ingest.decode.numbers import named_numbers
-from pipeline.ingest.decode.registry import kind_of
-from pipeline.ingest.decode.tree import UndecodableMessage
-from pipeline.ingest.lanes import Lane, Paired
-from pipeline.ingest.mcap_records import MAX_TIME_NS, McapFile, RawMessage
-from pipeline.ingest.named_exposure import NamedExposure, filled
-from pipeline.ingest.plausible import refuse_implausible
-from pipeline.ingest.pose import CameraPose, TransformTree, UnusablePose
-from pipeline.ingest.video_stream import Out, Times
-from pipeline.ingest.videos import Videos
-from pipeline.picture_header import image_size
-from pipeline.raw_image import has_wide_samples, samples
-from pipeline.records import (
+from pipeline.core.config import CameraConfig, IngestConfig
+from pipeline.core.diagnostics import Notes
+from pipeline.core.errors import MissingLibrary, UndecodableImage, UnsupportedChannel
+from pipeline.core.records import (
     EXPOSURE_FIELDS,
     UNKNOWN_EXPOSURE,
     Diagnostic,
@@ -40,6 +25,21 @@ from pipeline.records import (
     RawLayout,
     Severity,
 )
+from pipeline.images.exif import exif_block, exposure_of, read_tags
+from pipeline.images.header import image_size
+from pipeline.images.raw import has_wide_samples, samples
+from pipeline.ingest.named_exposure import NamedExposure, filled
+from pipeline.ingest.pairing import Lane, Paired
+from pipeline.ingest.plausibility import refuse_implausible
+from pipeline.ingest.pose import CameraPose, TransformTree, UnusablePose
+from pipeline.ingest.sources import Channels, Source
+from pipeline.ingest.video_stream import Out, Times
+from pipeline.ingest.videos import Videos
+from pipeline.mcap_file.reader import MAX_TIME_NS, McapFile, RawMessage
+from pipeline.messages.content import Decoded, EncodedImage, Kind, VideoPacket
+from pipeline.messages.named_numbers import named_numbers
+from pipeline.messages.registry import kind_of
+from pipeline.messages.tree import UndecodableMessage
 
 MAX_WAITING = 64  # pictures, where log times make no sense; `Limits` bounds their bytes
 # How many bits of a sample of 16 a sensor's converter fills.

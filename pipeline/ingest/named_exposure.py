@@ -6,13 +6,13 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from pipeline.ingest.channels import Source
-from pipeline.ingest.decode.numbers import NamedNumber
-from pipeline.ingest.decode.tree import time_of
-from pipeline.ingest.exposure import check_exposure
-from pipeline.ingest.lanes import Lane, Paired
-from pipeline.ingest.mcap_records import MAX_TIME_NS, RawMessage
-from pipeline.records import EXPOSURE_FIELDS, Exposure
+from pipeline.core.exposure import check_exposure
+from pipeline.core.records import EXPOSURE_FIELDS, Exposure
+from pipeline.ingest.pairing import Lane, Paired
+from pipeline.ingest.sources import Source
+from pipeline.mcap_file.reader import MAX_TIME_NS, RawMessage
+from pipeline.messages.named_numbers import NamedNumber
+from pipeline.messages.tree import time_of
 
 Pair = Callable[[Lane[float]], Paired[float] | None]
 

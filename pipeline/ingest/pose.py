@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.ingest.decode.content import Transform
-from pipeline.records import FloatArray
+from pipeline.core.records import FloatArray
+from pipeline.messages.content import Transform
 
 # By convention on the ground, the likeliest first.
 GROUND_FRAMES = ("base_footprint", "ground", "ground_plane", "floor", "map", "world", "odom")

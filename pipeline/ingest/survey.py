@@ -6,16 +6,16 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pipeline.config import Config
-from pipeline.diagnostics import Notes
-from pipeline.ingest.decode.content import Kind
-from pipeline.ingest.decode.registry import kind_of
+from pipeline.core.config import Config
+from pipeline.core.diagnostics import Notes
+from pipeline.core.records import EXPOSURE_FIELDS, Exposure, Frame, Intrinsics, Pairing
+from pipeline.images.header import image_size
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.ingest.mcap_topics import Statistics, statistics_of
 from pipeline.ingest.pose import CameraPose
-from pipeline.picture_header import image_size
-from pipeline.records import EXPOSURE_FIELDS, Exposure, Frame, Intrinsics, Pairing
+from pipeline.mcap_file.channels import Statistics, statistics_of
+from pipeline.mcap_file.reader import McapFile
+from pipeline.messages.content import Kind
+from pipeline.messages.registry import kind_of
 
 # What can be read and checked in about a second; of more, a part is read unless all is asked for.
 QUICK_BYTES = 256 * 1024**2

@@ -15,9 +15,9 @@ from bisect import insort
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
-from pipeline.errors import MissingLibrary
-from pipeline.ingest.decode.content import EncodedImage
-from pipeline.records import RawLayout
+from pipeline.core.errors import MissingLibrary
+from pipeline.core.records import RawLayout
+from pipeline.messages.content import EncodedImage
 
 if TYPE_CHECKING:
     from av.video.frame import VideoFrame

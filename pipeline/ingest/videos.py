@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pipeline.errors import UnsupportedChannel
-from pipeline.ingest.decode.content import VideoPacket
-from pipeline.ingest.mcap_records import McapFile, RawMessage
+from pipeline.core.errors import UnsupportedChannel
 from pipeline.ingest.video_stream import READ_CODECS, Out, Times, VideoStream
+from pipeline.mcap_file.reader import McapFile, RawMessage
+from pipeline.messages.content import VideoPacket
 
 
 class Videos:

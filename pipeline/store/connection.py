@@ -13,7 +13,7 @@ from pathlib import Path
 import duckdb
 import pyarrow as pa
 
-from pipeline.errors import StoreError, Where
+from pipeline.core.errors import StoreError, Where
 from pipeline.store.schema import SCHEMA_VERSION
 
 # A run's memory is to stay flat, so no statement of it may ask for all of a recording at once; a day has

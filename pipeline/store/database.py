@@ -20,17 +20,17 @@ from typing import Any
 import duckdb
 import pyarrow as pa
 
-from pipeline.diagnostics import diagnostics_table
-from pipeline.errors import StoreError, UsageError, Where
-from pipeline.records import PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
-from pipeline.store.by_tracks import observed, tracks_of
+from pipeline.core.diagnostics import diagnostics_table
+from pipeline.core.errors import StoreError, UsageError, Where
+from pipeline.core.records import PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
 from pipeline.store.catalog import View, views
 from pipeline.store.connection import connect
-from pipeline.store.exposures import exposure_verdicts
+from pipeline.store.exposure_rows import exposure_verdicts
 from pipeline.store.matches import add_matches
-from pipeline.store.parts import read_part
+from pipeline.store.parquet_parts import read_part
 from pipeline.store.precision import kept
 from pipeline.store.schema import apply_schema, is_current
+from pipeline.store.track_rows import observed, tracks_of
 
 # What one recording has rows in; deleting these forgets it.
 RECORDING_TABLES = (

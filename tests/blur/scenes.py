@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.ingest.lens import Lens
+from pipeline.core.lens import Lens
+from pipeline.core.records import Boxes
 from pipeline.optics.defocus import edge_spread
 from pipeline.optics.exposure import linear_to_srgb
-from pipeline.records import Boxes
 
 FAST = Lens(1.8, 50.0, np.inf, 20.0, 20.0)  # blurs by 1.25 mm per dioptre: 35 px at a metre
 SURVEILLANCE = Lens(2.0, 4.0, np.inf, 2.9, 2.9)

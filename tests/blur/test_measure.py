@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.blur.expect import Declined
-from pipeline.blur.measure import MAX_BOXES, expected, measure, measure_frame, unmeasured
-from pipeline.config import Config
-from pipeline.errors import UndecodableImage
-from pipeline.picture import Picture
+from pipeline.core.config import Config
+from pipeline.core.errors import UndecodableImage
+from pipeline.images.decode import Picture
+from pipeline.measure.blur.expected import Declined
+from pipeline.measure.blur.widths import MAX_BOXES, expected, measure, measure_frame, unmeasured
 from tests.blur.scenes import BOX, FAST, SURVEILLANCE, boxes, square
 
 CONFIG = Config()

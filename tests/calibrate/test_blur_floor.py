@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pipeline.calibrate.blur_floor import BlurFloor, calibrate_blur_floor, combined
-from pipeline.config import CameraConfig, Config
-from pipeline.errors import CalibrationUndetermined
+from pipeline.core.config import CameraConfig, Config
+from pipeline.core.errors import CalibrationUndetermined
 from tests.estimate.test_defocus import by_blur, observed
 
 SWEEP = np.array([1.8, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0])

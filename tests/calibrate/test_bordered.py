@@ -7,12 +7,12 @@ import pytest
 from scipy.optimize import OptimizeResult, least_squares
 
 from bench.walkers import scene
-from pipeline.calibrate import focal
-from pipeline.calibrate.bordered import Bordered, inverse_of, robust_pull, settle
-from pipeline.calibrate.pace import pace_of
-from pipeline.calibrate.walkers import Fitted, fit_walkers, limits
-from pipeline.calibrate.walkers_model import PEOPLE, jacobian, residuals
-from pipeline.config import ADULT
+from pipeline.calibrate.walkers import focal_length as focal
+from pipeline.calibrate.walkers.bordered_solver import Bordered, inverse_of, robust_pull, settle
+from pipeline.calibrate.walkers.model import PEOPLE, jacobian, residuals
+from pipeline.calibrate.walkers.pace import pace_of
+from pipeline.calibrate.walkers.pose import Fitted, fit_walkers, limits
+from pipeline.core.config import ADULT
 
 
 @pytest.fixture(scope="module")

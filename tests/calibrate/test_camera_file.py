@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.calibrate.camera_file import merge, write_camera_file
-from pipeline.config import (
+from pipeline.core.camera_file import merge, write_camera_file
+from pipeline.core.config import (
     ADULT,
     CameraConfig,
     Config,
@@ -19,8 +19,8 @@ from pipeline.config import (
     TrackConfig,
     load_config,
 )
-from pipeline.errors import UsageError
-from pipeline.records import Calibration, Dimension, Method, Parameter
+from pipeline.core.errors import UsageError
+from pipeline.core.records import Calibration, Dimension, Method, Parameter
 
 finite = st.floats(allow_nan=False)
 unknown = st.one_of(st.just(float("nan")), finite)

@@ -10,19 +10,19 @@ import pytest
 from scipy.optimize._numdiff import approx_derivative
 
 from bench.walkers import HEIGHT_PX, WIDTH_PX, Scene, scene, score, without_lens
-from pipeline.calibrate import focal
-from pipeline.calibrate.focal import calibrate_lens_from_walkers, focal_px, scaled
-from pipeline.calibrate.known import NOTHING_KNOWN, scale_of
-from pipeline.calibrate.pace import Pace, pace_of
-from pipeline.calibrate.upright import NO_UPRIGHTS
-from pipeline.calibrate.walkers import best_fit
-from pipeline.calibrate.walkers_model import Sample, Scale
-from pipeline.calibrate.walkers_sample import chosen_tracks, sample_of
-from pipeline.config import ADULT
-from pipeline.errors import CalibrationUndetermined
-from pipeline.estimate import ground
-from pipeline.estimate.geometry import Geometry
-from pipeline.records import GroundPlane
+from pipeline.calibrate.walkers import focal_length as focal
+from pipeline.calibrate.walkers.focal_length import calibrate_lens_from_walkers, focal_px, scaled
+from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, scale_of
+from pipeline.calibrate.walkers.model import Sample, Scale
+from pipeline.calibrate.walkers.pace import Pace, pace_of
+from pipeline.calibrate.walkers.pose import best_fit
+from pipeline.calibrate.walkers.sample import chosen_tracks, sample_of
+from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS
+from pipeline.core.config import ADULT
+from pipeline.core.errors import CalibrationUndetermined
+from pipeline.core.records import GroundPlane
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.methods import ground
 
 SIZE_PX = (WIDTH_PX, HEIGHT_PX)
 

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.calibrate.from_truth import (
+from pipeline.calibrate.truth.fit import (
     METHODS,
     calibrate_from_truth,
     prior_as_calibration,
     says_nothing,
     size_priors_from_truth,
 )
-from pipeline.errors import CalibrationUndetermined
+from pipeline.core.errors import CalibrationUndetermined
+from pipeline.core.records import Dimension, Method
 from pipeline.optics.thin_lens import image_distance_mm
-from pipeline.records import Dimension, Method
 
 PAPER = Path(__file__).parents[2] / "recordings" / "paper"
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.calibrate.camera_file import write_camera_file
-from pipeline.calibrate.given import as_given, given_pose
-from pipeline.calibrate.lens_row import known_lens
-from pipeline.config import CameraConfig, Config, load_config
-from pipeline.errors import UsageError
-from pipeline.records import CAMERAS, FloatArray, FoundLens, GroundPlane, Intrinsics
+from pipeline.calibrate.camera_entry import as_given, given_pose
+from pipeline.calibrate.stored_lens import known_lens
+from pipeline.core.camera_file import write_camera_file
+from pipeline.core.config import CameraConfig, Config, load_config
+from pipeline.core.errors import UsageError
+from pipeline.core.records import CAMERAS, FloatArray, FoundLens, GroundPlane, Intrinsics
 
 LENS = FoundLens(Intrinsics(640, 480, 700.0, 700.0, 319.5, 239.5), 70.0)
 BARE = dict.fromkeys(CAMERAS.names) | {"camera": "yard", "width_px": 640, "height_px": 480}

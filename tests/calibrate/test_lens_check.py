@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from bench.walkers import Scene, scene
-from pipeline.calibrate.lens_check import LensCheck, check_lens
-from pipeline.calibrate.stored import calibrate_stored
-from pipeline.calibrate.walkers import fit_walkers
-from pipeline.config import ADULT
-from pipeline.records import CAMERAS, GroundPlane, Intrinsics, Severity
+from pipeline.calibrate.walkers.lens_check import LensCheck, check_lens
+from pipeline.calibrate.walkers.pose import fit_walkers
+from pipeline.calibrate.walkers.pose_and_lens import calibrate_stored
+from pipeline.core.config import ADULT
+from pipeline.core.records import CAMERAS, GroundPlane, Intrinsics, Severity
 
 ROW = dict.fromkeys(CAMERAS.names) | {"camera": "mast", "width_px": 1280, "height_px": 720}
 

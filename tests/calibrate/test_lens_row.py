@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from pipeline.calibrate.lens_row import known_lens, with_found
-from pipeline.config import CameraConfig
-from pipeline.records import CAMERAS, FoundLens, Intrinsics
+from pipeline.calibrate.stored_lens import known_lens, with_found
+from pipeline.core.config import CameraConfig
+from pipeline.core.records import CAMERAS, FoundLens, Intrinsics
 
 BARE = dict.fromkeys(CAMERAS.names) | {"camera": "a", "width_px": 640, "height_px": 480}
 FOUND = FoundLens(Intrinsics(640, 480, 700.0, 700.0, 319.5, 239.5), 30.0)

@@ -6,7 +6,7 @@ import statsmodels.api as sm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.calibrate.regression import fit_linear, held_out, k_folds, leave_one_out, rmse
+from pipeline.calibrate.truth.regression import fit_linear, held_out, k_folds, leave_one_out, rmse
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -4,11 +4,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline.calibrate.from_truth import calibrate_from_truth
-from pipeline.calibrate.truth_table import truth_table
-from pipeline.config import Config
-from pipeline.estimate.combine import estimate
-from pipeline.records import Method
+from pipeline.calibrate.truth.fit import calibrate_from_truth
+from pipeline.calibrate.truth.table import truth_table
+from pipeline.core.config import Config
+from pipeline.core.records import Method
+from pipeline.estimate.estimate_tracks import estimate
 from tests.estimate.scenes import lens, tables
 
 

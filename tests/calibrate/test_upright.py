@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from bench.walkers import scene
-from pipeline.calibrate.upright import NO_UPRIGHTS, find_uprights
-from pipeline.calibrate.walkers import calibrate_from_walkers
-from pipeline.config import ADULT
-from pipeline.estimate.geometry import camera_of
+from pipeline.calibrate.walkers.pose import calibrate_from_walkers
+from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS, find_uprights
+from pipeline.core.config import ADULT
+from pipeline.core.records import FloatArray, GroundPlane, Intrinsics
+from pipeline.estimate.boxes.geometry import camera_of
 from pipeline.optics.ground_plane import (
     foot_depth_m,
     ground_position_m,
     project_person,
     remove_roll,
 )
-from pipeline.records import FloatArray, GroundPlane, Intrinsics
 
 LENS = Intrinsics(1280, 720, 1300.0, 1300.0, 639.5, 359.5)
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from bench.walkers import Scene, scene, score
-from pipeline.calibrate.known import Known, KnownDistance, KnownHeight
-from pipeline.calibrate.walkers import MIN_PEOPLE, calibrate_from_walkers
-from pipeline.config import ADULT, POPULATION_MEAN_STD_M
-from pipeline.errors import CalibrationUndetermined, UsageError
-from pipeline.estimate.geometry import Geometry
+from pipeline.calibrate.walkers.known_lengths import Known, KnownDistance, KnownHeight
+from pipeline.calibrate.walkers.pose import MIN_PEOPLE, calibrate_from_walkers
+from pipeline.core.config import ADULT, POPULATION_MEAN_STD_M
+from pipeline.core.errors import CalibrationUndetermined, UsageError
+from pipeline.core.records import FloatArray, GroundPlane
+from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.optics.ground_plane import depth_jacobian, foot_depth_m, project_person
-from pipeline.records import FloatArray, GroundPlane
 
 
 @pytest.mark.slow
@@ -56,7 +56,7 @@ def test_choosing_from_a_few_tracks_at_a_time_changes_nothing(
 ) -> None:
     simulated = scene(np.random.default_rng(5), 10)
     at_once, _ = calibrate_from_walkers(simulated.measured, ADULT)
-    monkeypatch.setattr("pipeline.calibrate.walkers_sample.ROWS_AT_ONCE", 100)
+    monkeypatch.setattr("pipeline.calibrate.walkers.sample.ROWS_AT_ONCE", 100)
     in_turns, report = calibrate_from_walkers(simulated.measured, ADULT)
     assert report.observations > 100  # so there were turns
     assert in_turns.camera_height_m == pytest.approx(at_once.camera_height_m, rel=1e-6)
@@ -212,7 +212,7 @@ def test_of_many_people_some_are_enough(monkeypatch: pytest.MonkeyPatch) -> None
     """The pose from a part of the people, spread over time, is that of all within its interval."""
     measured = scene(np.random.default_rng(4), 30).measured
     everybody, report = calibrate_from_walkers(measured, ADULT)
-    monkeypatch.setattr("pipeline.calibrate.walkers_sample.MAX_PEOPLE", 12)
+    monkeypatch.setattr("pipeline.calibrate.walkers.sample.MAX_PEOPLE", 12)
     some, fewer = calibrate_from_walkers(measured, ADULT)
     assert fewer.people <= 12 < report.people
     std_m = np.sqrt(everybody.covariance[0, 0] + some.covariance[0, 0])

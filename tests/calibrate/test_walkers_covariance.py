@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from bench.walkers import scene
-from pipeline.calibrate import walkers_covariance
-from pipeline.calibrate.known import NOTHING_KNOWN, scale_of
-from pipeline.calibrate.upright import NO_UPRIGHTS
-from pipeline.calibrate.walkers import Fitted, best_fit, fit_walkers
-from pipeline.calibrate.walkers_model import TILT
-from pipeline.calibrate.walkers_sample import only
-from pipeline.config import ADULT
-from pipeline.records import FloatArray
+from pipeline.calibrate.walkers import covariance as walkers_covariance
+from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, scale_of
+from pipeline.calibrate.walkers.model import TILT
+from pipeline.calibrate.walkers.pose import Fitted, best_fit, fit_walkers
+from pipeline.calibrate.walkers.sample import only
+from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS
+from pipeline.core.config import ADULT
+from pipeline.core.records import FloatArray
 
 
 def fitted(seed: int, people: int = 10) -> Fitted:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize._numdiff import approx_derivative
 
-from pipeline.calibrate.upright import NO_UPRIGHTS, Uprights
-from pipeline.calibrate.walkers_model import (
+from pipeline.calibrate.walkers.model import (
     ABOVE,
     MEAN,
     PEOPLE,
@@ -18,6 +17,7 @@ from pipeline.calibrate.walkers_model import (
     jacobian,
     residuals,
 )
+from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS, Uprights
 
 PEOPLE_SEEN, EACH = 5, 7
 

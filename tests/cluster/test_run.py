@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cluster.run import run_shared
-from pipeline.config import Config
-from pipeline.errors import StadimeterError, StoreError
-from pipeline.query import answer
-from pipeline.run import run
+from pipeline.cli.query import answer
+from pipeline.cluster.manifest import read_manifests
+from pipeline.cluster.shared_run import run_shared
+from pipeline.core.config import Config
+from pipeline.core.errors import StadimeterError, StoreError
+from pipeline.run.recordings import run
 from pipeline.store.database import RECORDING_TABLES, Store
-from pipeline.store.manifest import read_manifests
-from pipeline.store.shared import merge, open_shared
+from pipeline.store.parquet import merge, open_shared
 from tests.tables import assert_same, everything
 from tests.test_run import LEVEL, write_people
 

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.cluster.run import run_shared
+from pipeline.cluster.manifest import read_manifests
+from pipeline.cluster.shared_run import run_shared
 from pipeline.cluster.split import OVERLAP_S, cut, plan_windows
-from pipeline.config import Config
-from pipeline.ingest.mcap_writer import (
+from pipeline.core.config import Config
+from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
     timestamp,
 )
-from pipeline.store.manifest import read_manifests
 from schemas.stadimeter_pb2 import CameraExposure, Detections, GroundTruth
 from tests.test_run import CAMERA, INTRINSICS, START_NS, jpeg
 

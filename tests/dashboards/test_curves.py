@@ -8,9 +8,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashboards.curves import lines_over_frames
-from dashboards.errors import frame_medians
-from dashboards.slots import LONGEST_GAP_FRAMES
+from dashboards.timeline.curves import lines_over_frames
+from dashboards.timeline.error_curves import frame_medians
+from dashboards.timeline.slots import LONGEST_GAP_FRAMES
 
 POINTS = st.dictionaries(
     st.tuples(st.integers(0, 60), st.integers(0, 3)), st.floats(0, 100), min_size=1, max_size=80

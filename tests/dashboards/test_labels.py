@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dashboards.labels import _chosen, _places, with_interval
+from dashboards.timeline.labels import _chosen, _places, with_interval
 
 PICTURE = (800.0, 600.0)
 BOXES = st.lists(

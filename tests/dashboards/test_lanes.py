@@ -8,10 +8,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from dashboards.columns import CameraRows, camera_rows
-from dashboards.errors import APART_FRAMES, WORST, errors_of, worst_errors
-from dashboards.lanes import HIDDEN, PREDICTED, SEEN, _covered, track_states
-from pipeline.records import CAMERAS, ESTIMATES, FRAMES, GROUND_TRUTH, OBSERVATIONS
+from dashboards.timeline.columns import CameraRows, camera_rows
+from dashboards.timeline.error_curves import APART_FRAMES, WORST, errors_of, worst_errors
+from dashboards.timeline.lanes import HIDDEN, PREDICTED, SEEN, _covered, track_states
+from pipeline.core.records import CAMERAS, ESTIMATES, FRAMES, GROUND_TRUTH, OBSERVATIONS
 
 END = -1
 FRAME_COUNT = 60

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashboards.moment import iso, parse_moment
-from pipeline.errors import UsageError
+from dashboards.review.moment import iso, parse_moment
+from pipeline.core.errors import UsageError
 
 START_NS = 1_700_000_000_123_456_789
 

@@ -10,14 +10,22 @@ from pathlib import Path
 
 import pytest
 
-from dashboards.charts import errors_chart
-from dashboards.report import embedded, interval, metres, number, percent, shown, write_report
-from dashboards.report_data import read_report_data, rounded
+from dashboards.report.charts import errors_chart
+from dashboards.report.data import read_report_data, rounded
+from dashboards.report.writer import (
+    embedded,
+    interval,
+    metres,
+    number,
+    percent,
+    shown,
+    write_report,
+)
 from pipeline.cli import main
-from pipeline.config import Config
-from pipeline.errors import StadimeterError, StoreError
-from pipeline.ingest.mcap_writer import RecordingWriter, image_message
-from pipeline.run import run
+from pipeline.core.config import Config
+from pipeline.core.errors import StadimeterError, StoreError
+from pipeline.mcap_file.writer import RecordingWriter, image_message
+from pipeline.run.recordings import run
 from pipeline.store.database import Store
 from tests.test_run import LEVEL, START_NS, jpeg, write_people
 
@@ -107,7 +115,7 @@ def test_what_cannot_be_written_is_said(database: Path, tmp_path: Path) -> None:
 
 
 def test_samples_are_bounded_and_repeat(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dashboards.report_data.POINTS_A_METHOD", 6)
+    monkeypatch.setattr("dashboards.report.data.POINTS_A_METHOD", 6)
     with Store.open(database, read_only=True) as store:
         one, other = read_report_data(store), read_report_data(store)
     assert one.errors == other.errors

@@ -13,20 +13,20 @@ from typing import Any
 
 import pytest
 
-import dashboards.timeline
-from dashboards.review import Review, find_recording, go_to_moment, write_review
-from dashboards.screenshot import Viewer
-from dashboards.source import Span, pictures, read_source, read_tables
-from dashboards.split import spans_of
-from dashboards.stills import media_type, preview
-from dashboards.stream import ELAPSED, FRAME, TIME
-from dashboards.timeline import write_timeline
-from dashboards.viewer import no_driver, started
+import dashboards.timeline.writer
+from dashboards.for_docs.screenshot import Viewer
+from dashboards.review.review import Review, find_recording, go_to_moment, write_review
+from dashboards.review.viewer import no_driver, started
+from dashboards.timeline.source import Span, pictures, read_source, read_tables
+from dashboards.timeline.split import spans_of
+from dashboards.timeline.stills import media_type, preview
+from dashboards.timeline.stream import ELAPSED, FRAME, TIME
+from dashboards.timeline.writer import write_timeline
 from pipeline.cli import main
-from pipeline.config import Config, TimelineConfig
-from pipeline.errors import StadimeterError, UsageError
-from pipeline.picture_header import image_size
-from pipeline.run import run
+from pipeline.core.config import Config, TimelineConfig
+from pipeline.core.errors import StadimeterError, UsageError
+from pipeline.images.header import image_size
+from pipeline.run.recordings import run
 from pipeline.store.database import Store
 from tests.dashboards.test_timeline import column, entities
 from tests.test_run import CAMERA, LEVEL, START_NS, jpeg, write_people
@@ -162,7 +162,7 @@ def test_a_timeline_that_cannot_be_written_leaves_nothing(
     # However many pictures there are, none is sent any more when the rows cannot be.
     images = repeat(still) if side == "rows" else map(full, [still])
     if side == "rows":
-        monkeypatch.setattr(dashboards.timeline, "_log_rows", full)
+        monkeypatch.setattr(dashboards.timeline.writer, "_log_rows", full)
     with pytest.raises(StadimeterError, match=r"cannot be written.*no space left"):
         write_timeline(tmp_path / "a.rrd", [replace(source, images=images)])
     assert list(tmp_path.iterdir()) == []

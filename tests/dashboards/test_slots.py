@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashboards.slots import SLOTS, slot_names, slots
+from dashboards.timeline.slots import SLOTS, slot_names, slots
 
 SPANS = st.lists(st.tuples(st.integers(0, 200), st.integers(0, 60)), min_size=1, max_size=60)
 

@@ -12,9 +12,9 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-import dashboards.stills
-from dashboards.columns import Frames
-from dashboards.stills import StillEncoded, log_images
+import dashboards.timeline.stills
+from dashboards.timeline.columns import Frames
+from dashboards.timeline.stills import StillEncoded, log_images
 
 COUNT = 30
 
@@ -29,7 +29,7 @@ def rows_of(camera: str, lost: int) -> Any:
 def test_pictures_arrive_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch_bytes: int
 ) -> None:
-    monkeypatch.setattr(dashboards.stills, "BATCH_BYTES", batch_bytes)
+    monkeypatch.setattr(dashboards.timeline.stills, "BATCH_BYTES", batch_bytes)
     cameras = {"a": rows_of("a", lost=12), "b": rows_of("b", lost=-1)}
     sent = {
         (name, index): b"\xff\xd8\xff" + bytes([index]) * (7 * index)

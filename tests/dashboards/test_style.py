@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from dashboards.slots import SLOTS
 from dashboards.style import OK, PALETTE, TRUTH, WARNING, slot_colours
+from dashboards.timeline.slots import SLOTS
 
 GROUND = np.array([13, 16, 17])  # the viewer's dark theme
 # Machado, Oliveira and Fernandes (2009), severity 1.0, on linear RGB.

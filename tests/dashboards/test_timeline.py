@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from dashboards.names import entity_part, markdown, path, visible
-from dashboards.pictures import SHOTS, Shot
-from dashboards.review import Review, write_review
-from dashboards.scene import Pose
-from dashboards.screenshot import viewer
-from dashboards.viewer import no_driver
-from pipeline.config import Config, TimelineConfig, load_config
-from pipeline.ingest.mcap_writer import RecordingWriter, image_message
+from dashboards.for_docs.pictures import SHOTS, Shot
+from dashboards.for_docs.screenshot import viewer
+from dashboards.review.review import Review, write_review
+from dashboards.review.viewer import no_driver
+from dashboards.timeline.names import entity_part, markdown, path, visible
+from dashboards.timeline.scene import Pose
+from pipeline.core.config import Config, TimelineConfig, load_config
+from pipeline.images.decode import image_size
+from pipeline.mcap_file.writer import RecordingWriter, image_message
 from pipeline.optics.ground_plane import project_person
-from pipeline.picture import image_size
-from pipeline.run import run
+from pipeline.run.recordings import run
 from pipeline.store.database import Store
 from tests.test_run import LEVEL, START_NS, jpeg, write_people
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.detect.ends import ends_of
-from pipeline.detect.shadow import ShadowLight
+from pipeline.detect.motion.edges import ends_of
+from pipeline.detect.motion.shadow import ShadowLight
 
 FINE = 8
 GROUND, CLOTH = 150.0, 40.0

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.detect.groups import split_groups
-from pipeline.detect.known import Known, place
+from pipeline.detect.motion.groups import split_groups
+from pipeline.detect.motion.predicted_people import Known, place
 from tests.detect.test_people import OFFSET, SCALE, SLOPE, outline, person
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.config import DetectConfig
-from pipeline.detect.motion import MotionDetector
-from pipeline.records import Boxes, Expected
+from pipeline.core.config import DetectConfig
+from pipeline.core.records import Boxes, Expected
+from pipeline.detect.motion.detector import MotionDetector
 from tests.footage import FRAME_NS, Walker, clip, decoded, frame
 
 ACROSS = Walker((90.0, 300.0), (8.0, 0.5), 120.0)

@@ -13,16 +13,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.config import CameraConfig, DetectConfig, load_config
+from pipeline.core.config import CameraConfig, DetectConfig, load_config
+from pipeline.core.errors import StadimeterError, UnusableModel, UsageError
+from pipeline.core.records import Boxes
 from pipeline.detect import make_detector
-from pipeline.detect.coco import COCO, COCO_WITH_GAPS
-from pipeline.detect.network_input import Fit, fill, normalised, place
-from pipeline.detect.network_output import FAMILIES, Candidates, suppress
-from pipeline.detect.onnx import OnnxDetector
-from pipeline.detect.onnx_file import read_onnx_file
-from pipeline.errors import StadimeterError, UnusableModel, UsageError
-from pipeline.picture import Picture
-from pipeline.records import Boxes
+from pipeline.detect.network.coco import COCO, COCO_WITH_GAPS
+from pipeline.detect.network.detector import OnnxDetector
+from pipeline.detect.network.input import Fit, fill, normalised, place
+from pipeline.detect.network.onnx_file import read_onnx_file
+from pipeline.detect.network.output import FAMILIES, Candidates, suppress
+from pipeline.images.decode import Picture
 from tests.footage import frame
 from tests.onnx_models import UINT8, model
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.detect.groups import split_groups
-from pipeline.detect.people import PersonScale, join_parts
+from pipeline.detect.motion.groups import split_groups
+from pipeline.detect.motion.person_scale import PersonScale, join_parts
 
 SLOPE, OFFSET = 0.5, -20.0
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from pipeline.detect.ghosts import Ghosts
-from pipeline.detect.groups import split_groups
-from pipeline.detect.people import PersonScale
-from pipeline.detect.repair import repair
+from pipeline.detect.motion.ghosts import Ghosts
+from pipeline.detect.motion.groups import split_groups
+from pipeline.detect.motion.person_scale import PersonScale
+from pipeline.detect.motion.shadow_repair import repair
 from tests.detect.test_people import OFFSET, SLOPE, learned, outline, person
 
 FOOT = 250

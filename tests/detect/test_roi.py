@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.config import CameraConfig, Config, DetectConfig
+from pipeline.core.config import CameraConfig, Config, DetectConfig
+from pipeline.core.diagnostics import Notes
+from pipeline.core.errors import UsageError
 from pipeline.detect import make_detector
 from pipeline.detect.roi import RoiDetector
-from pipeline.diagnostics import Notes
-from pipeline.errors import UsageError
+from pipeline.images.decode import decode
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.picture import decode
+from pipeline.mcap_file.reader import McapFile
 
 STAFF = Path(__file__).resolve().parents[2] / "recordings" / "staff.mcap"
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.detect.shadow import DEEPEST, NEUTRAL, UNIT, ShadowLight
+from pipeline.detect.motion.shadow import DEEPEST, NEUTRAL, UNIT, ShadowLight
 
 FACTORS = np.array([0.72, 0.66, 0.62])
 HEIGHT, WIDTH = 240, 320

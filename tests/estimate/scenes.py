@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from pipeline.estimate.columns import Measured
+from pipeline.core.records import CAMERAS, FRAMES, OBSERVATIONS, GroundPlane, Intrinsics
+from pipeline.estimate.types import Measured
 from pipeline.optics.ground_plane import project_person
 from pipeline.optics.pinhole import PinholeCamera
 from pipeline.optics.silhouette import mean_reach, silhouette_rows, steepness
-from pipeline.records import CAMERAS, FRAMES, OBSERVATIONS, GroundPlane, Intrinsics
 
 VGA = Intrinsics(1280, 720, 1200.0, 1190.0, 640.0, 350.0)
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.config import Config, EstimateConfig
-from pipeline.estimate import aperture, inverse
-from pipeline.estimate.geometry import Geometry
+from pipeline.core.config import Config, EstimateConfig
+from pipeline.core.records import Calibration, Dimension, Method, Parameter
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.methods import aperture, inverse
 from pipeline.optics.aperture_size import TABLE_8
-from pipeline.records import Calibration, Dimension, Method, Parameter
 from tests.estimate.scenes import lens, measured
 
 PAPER = Path(__file__).parents[2] / "recordings" / "paper"

@@ -4,10 +4,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline.config import ADULT, Config, SizePrior
-from pipeline.estimate.combine import calibrations_table, estimate
-from pipeline.estimate.gait import GAIT_DROP_M
-from pipeline.records import (
+from pipeline.core.config import ADULT, Config, SizePrior
+from pipeline.core.records import (
     CALIBRATIONS,
     ESTIMATES,
     TRACK_HEIGHTS,
@@ -17,6 +15,8 @@ from pipeline.records import (
     Method,
     Parameter,
 )
+from pipeline.estimate.estimate_tracks import calibrations_table, estimate
+from pipeline.estimate.gait import GAIT_DROP_M
 from tests.estimate.scenes import lens, outlined, people, tables
 
 PLANE = GroundPlane(6.0, 0.2, 0.0, np.diag([0.1, 0.01, 0.01]) ** 2)

@@ -5,15 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.blur.expect import FLOOR_PX
-from pipeline.config import CameraConfig, Config, SizePrior
-from pipeline.estimate import defocus, size
-from pipeline.estimate.columns import Estimated
-from pipeline.estimate.combine import METHODS, fused
-from pipeline.estimate.geometry import Geometry
+from pipeline.core.config import CameraConfig, Config, SizePrior
+from pipeline.core.records import Dimension, Intrinsics, Method
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.estimate_tracks import METHODS, fused
+from pipeline.estimate.methods import defocus, size
+from pipeline.estimate.types import Estimated
+from pipeline.measure.blur.expected import FLOOR_PX
 from pipeline.optics.defocus import diffraction_sigma_um
 from pipeline.optics.thin_lens import blur_radius_um, image_distance_mm
-from pipeline.records import Dimension, Intrinsics, Method
 from tests.estimate.scenes import measured
 
 PITCH_UM = 20.0

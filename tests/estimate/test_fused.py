@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 from bench.walkers import scene, score
-from pipeline.calibrate.walkers import calibrate_from_walkers
-from pipeline.config import ADULT
-from pipeline.errors import CalibrationUndetermined
-from pipeline.estimate import fused, ground
-from pipeline.estimate.columns import Estimated, Measured
+from pipeline.calibrate.walkers.pose import calibrate_from_walkers
+from pipeline.core.config import ADULT
+from pipeline.core.errors import CalibrationUndetermined
+from pipeline.core.records import GroundPlane, Method
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.fusion import fused
 from pipeline.estimate.gait import GAIT_DROP_M
-from pipeline.estimate.geometry import Geometry
-from pipeline.estimate.tracks import track_heights
-from pipeline.records import GroundPlane, Method
+from pipeline.estimate.methods import ground
+from pipeline.estimate.track_heights import track_heights
+from pipeline.estimate.types import Estimated, Measured
 from tests.estimate.scenes import measured, people
 
 PLANE = GroundPlane(6.0, 0.25, 0.0, np.diag([0.05, 0.003, 0.003]) ** 2)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.estimate.columns import Estimated
 from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M, GAIT_STD_M, as_standing
+from pipeline.estimate.types import Estimated
 from tests.estimate.scenes import measured
 
 

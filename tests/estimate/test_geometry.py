@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.estimate.geometry import camera_of
-from pipeline.records import Intrinsics
+from pipeline.core.records import Intrinsics
+from pipeline.estimate.boxes.geometry import camera_of
 
 
 def recorded(model: str, distortion: tuple[float, ...]) -> Intrinsics:

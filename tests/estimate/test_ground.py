@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from bench.walkers import Scene, scene
-from pipeline.estimate import ground
-from pipeline.estimate.geometry import Geometry
+from pipeline.core.records import GroundPlane
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.methods import ground
 from pipeline.optics.ground_plane import project_person
-from pipeline.records import GroundPlane
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.estimate.filters import ACCELERATION_DENSITY
-from pipeline.estimate.head import _way
+from pipeline.estimate.fusion.head import _way
+from pipeline.estimate.fusion.kalman import ACCELERATION_DENSITY
 from tests.estimate.scenes import measured
 from tests.estimate.test_fused import estimated, walk
 

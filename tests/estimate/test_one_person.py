@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.config import ADULT
-from pipeline.estimate import ground
-from pipeline.estimate.fused import beside_track
-from pipeline.estimate.geometry import Geometry
-from pipeline.estimate.one_person import BAD_STD_M, doubtful_m, with_doubt
-from pipeline.estimate.scatter import Scatter
-from pipeline.records import GroundPlane
+from pipeline.core.config import ADULT
+from pipeline.core.records import GroundPlane
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.boxes.scatter import Scatter
+from pipeline.estimate.fusion.fused import beside_track
+from pipeline.estimate.fusion.one_person import BAD_STD_M, doubtful_m, with_doubt
+from pipeline.estimate.methods import ground
 from tests.estimate.scenes import measured, people
 
 PLANE = GroundPlane(6.0, 0.25, 0.0, np.zeros((3, 3)))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.estimate.columns import Estimated, Measured
-from pipeline.estimate.posture import smooth_heights
+from pipeline.estimate.fusion.smooth_heights import smooth_heights
+from pipeline.estimate.types import Estimated, Measured
 from tests.estimate.scenes import measured
 
 STEP_S = 0.1

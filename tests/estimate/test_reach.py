@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.estimate import ground
-from pipeline.estimate.reach import with_reach
+from pipeline.core.records import GroundPlane
+from pipeline.estimate.boxes.reach import with_reach
+from pipeline.estimate.methods import ground
 from pipeline.optics.silhouette import mean_reach, steepness
-from pipeline.records import GroundPlane
 from tests.estimate.scenes import measured, outlined, people
 
 PLANE = GroundPlane(5.0, 0.35, 0.0)

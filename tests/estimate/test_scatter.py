@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.estimate.columns import Estimated
+from pipeline.estimate.boxes.scatter import BEST, Scatter, scatter_of
 from pipeline.estimate.gait import GAIT_STD_M
-from pipeline.estimate.scatter import BEST, Scatter, scatter_of
+from pipeline.estimate.types import Estimated
 from tests.estimate.scenes import measured
 
 STEP_S = 0.125

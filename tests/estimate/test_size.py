@@ -7,10 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.config import ADULT, CameraConfig, Config, SizePrior
-from pipeline.estimate import size
-from pipeline.estimate.geometry import Geometry
-from pipeline.records import (
+from pipeline.core.config import ADULT, CameraConfig, Config, SizePrior
+from pipeline.core.records import (
     Calibration,
     Dimension,
     GroundPlane,
@@ -18,6 +16,8 @@ from pipeline.records import (
     Method,
     Parameter,
 )
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.methods import size
 from tests.estimate.scenes import VGA, lens, measured, people
 
 CAR = SizePrior("person", Dimension.WIDTH, 1.8, 0.1)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.estimate import smoother
-from pipeline.estimate.filters import ACCELERATION_DENSITY, FAR_M, SPEED_STD_M_S
-from pipeline.estimate.smoother import DEGREES_OF_FREEDOM, REWEIGHTINGS, smooth_tracks
+from pipeline.estimate.fusion import smoother
+from pipeline.estimate.fusion.kalman import ACCELERATION_DENSITY, FAR_M, SPEED_STD_M_S
+from pipeline.estimate.fusion.smoother import DEGREES_OF_FREEDOM, REWEIGHTINGS, smooth_tracks
 
 NEAR_M = 30.0  # near enough for one large matrix to be inverted well
 

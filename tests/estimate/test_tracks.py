@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.config import ADULT
-from pipeline.estimate.columns import Estimated, Measured
-from pipeline.estimate.tracks import track_heights
-from pipeline.records import Method
+from pipeline.core.config import ADULT
+from pipeline.core.records import Method
+from pipeline.estimate.track_heights import track_heights
+from pipeline.estimate.types import Estimated, Measured
 
 
 def columns(heights: list[np.ndarray], common_m: float, class_name: str = "person"):

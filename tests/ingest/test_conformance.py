@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from pipeline.config import Config
-from pipeline.diagnostics import Notes
-from pipeline.ingest.mcap_records import McapFile
+from pipeline.core.config import Config
+from pipeline.core.diagnostics import Notes
+from pipeline.mcap_file.reader import McapFile
 from tests.conformance import CONTENTS, Content, Features, every_combination, write
 
 

@@ -15,13 +15,13 @@ import zstandard
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 
-from pipeline.config import Config, Limits
-from pipeline.diagnostics import Notes
-from pipeline.errors import NotARecording
+from pipeline.core.config import Config, Limits
+from pipeline.core.diagnostics import Notes
+from pipeline.core.errors import NotARecording
+from pipeline.core.records import Severity
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.ingest.mcap_writer import image_message
-from pipeline.records import Severity
+from pipeline.mcap_file.reader import McapFile
+from pipeline.mcap_file.writer import image_message
 from tests.damage import (
     DAMAGES,
     FRAMES,

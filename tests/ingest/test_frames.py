@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL.TiffImagePlugin import IFDRational
 
-from pipeline.config import Config
-from pipeline.diagnostics import Notes
+from pipeline.core.config import Config
+from pipeline.core.diagnostics import Notes
+from pipeline.core.records import Frame, Pairing
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.lanes import Lane
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.ingest.mcap_writer import RecordingWriter, image_message, timestamp
-from pipeline.records import Frame, Pairing
+from pipeline.ingest.pairing import Lane
+from pipeline.mcap_file.reader import McapFile
+from pipeline.mcap_file.writer import RecordingWriter, image_message, timestamp
 from schemas.stadimeter_pb2 import CameraExposure, Detections, GroundTruth
 from tests.ingest.decode.test_exif import photo
 

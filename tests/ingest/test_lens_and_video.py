@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.config import CameraConfig, Config
-from pipeline.errors import UsageError
-from pipeline.ingest.lens import fit_to_picture, intrinsics_of, lens_of
+from pipeline.core.config import CameraConfig, Config
+from pipeline.core.errors import UsageError
+from pipeline.core.lens import fit_to_picture, intrinsics_of, lens_of
+from pipeline.core.records import UNKNOWN_EXPOSURE, Intrinsics
+from pipeline.importing.video_file import UnreadableVideo, VideoImport, import_video
 from pipeline.ingest.survey import survey
-from pipeline.ingest.video import UnreadableVideo, VideoImport, import_video
-from pipeline.records import UNKNOWN_EXPOSURE, Intrinsics
 
 RECORDED = Intrinsics(640, 480, 500.0, 510.0, 319.5, 239.5, "plumb_bob", (0.1, 0, 0, 0, 0))
 

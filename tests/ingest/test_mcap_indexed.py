@@ -8,7 +8,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from pipeline.ingest.mcap_indexed import indexed_messages, summary_of
+from pipeline.mcap_file.indexed import indexed_messages, summary_of
 
 TOPICS = ("/a/image", "/b/image", "/b/exposure")
 

@@ -28,12 +28,12 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from pipeline.config import Config
-from pipeline.diagnostics import Notes
+from pipeline.core.config import Config
+from pipeline.core.diagnostics import Notes
+from pipeline.core.records import Frame, Severity
+from pipeline.images.decode import decode
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.picture import decode
-from pipeline.records import Frame, Severity
+from pipeline.mcap_file.reader import McapFile
 
 START_NS, FRAME_NS, COUNT = 1_700_000_000_000_000_000, 40_000_000, 4
 WIDTH, HEIGHT = 64, 48

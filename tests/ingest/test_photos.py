@@ -12,14 +12,14 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from pipeline.config import CameraConfig, Config, Limits
-from pipeline.diagnostics import Notes
-from pipeline.errors import StadimeterError, UsageError
+from pipeline.core.config import CameraConfig, Config, Limits
+from pipeline.core.diagnostics import Notes
+from pipeline.core.errors import StadimeterError, UsageError
+from pipeline.core.records import Frame, Pairing
+from pipeline.images.decode import decode
+from pipeline.importing.photos import PhotoImport, are_photos, import_photos, zone_of
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.ingest.photos import PhotoImport, are_photos, import_photos, zone_of
-from pipeline.picture import decode
-from pipeline.records import Frame, Pairing
+from pipeline.mcap_file.reader import McapFile
 
 NOON_NS = int(datetime(2026, 3, 1, 12, tzinfo=UTC).timestamp()) * 1_000_000_000
 

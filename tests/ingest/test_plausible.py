@@ -11,20 +11,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.config import Config
-from pipeline.diagnostics import Notes
-from pipeline.ingest.decode.content import Decoded
+from pipeline.core.config import Config
+from pipeline.core.diagnostics import Notes
+from pipeline.core.records import Boxes, Frame, Intrinsics, Severity, TrueObject
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.ingest.mcap_writer import (
+from pipeline.ingest.plausibility import inside_picture, refuse_implausible
+from pipeline.mcap_file.reader import McapFile
+from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
     timestamp,
 )
-from pipeline.ingest.plausible import inside_picture, refuse_implausible
-from pipeline.records import Boxes, Frame, Intrinsics, Severity, TrueObject
-from pipeline.run import run
+from pipeline.messages.content import Decoded
+from pipeline.run.recordings import run
 from pipeline.store.database import Store
 from schemas.stadimeter_pb2 import CameraExposure, Detections, GroundTruth
 from tests.test_run import jpeg

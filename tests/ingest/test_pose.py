@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pipeline.ingest.decode.content import Transform
 from pipeline.ingest.pose import MAX_FRAMES, TransformTree, UnusablePose, rotation_matrix
+from pipeline.messages.content import Transform
 
 
 def step(

@@ -11,11 +11,11 @@ from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
-from pipeline.config import Config
-from pipeline.console import out
+from pipeline.cli.console import out
+from pipeline.core.config import Config
 from pipeline.ingest import survey as survey_module
-from pipeline.ingest.mcap_writer import image_message, timestamp
 from pipeline.ingest.survey import survey
+from pipeline.mcap_file.writer import image_message, timestamp
 from pipeline.summary import print_survey
 from tests.damage import SmallChunks
 

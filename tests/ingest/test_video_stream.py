@@ -12,13 +12,13 @@ from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.config import Config
-from pipeline.diagnostics import Notes
+from pipeline.core.config import Config
+from pipeline.core.diagnostics import Notes
+from pipeline.images.raw import decode_raw
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.ingest.mcap_writer import timestamp
 from pipeline.ingest.video_stream import Out, Times, VideoStream, is_key_frame
-from pipeline.raw_image import decode_raw
+from pipeline.mcap_file.reader import McapFile
+from pipeline.mcap_file.writer import timestamp
 from tests.damage import SmallChunks, flipped
 
 COUNT, KEY_EVERY, STEP = 40, 10, 6

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.config import CameraConfig
+from pipeline.core.config import CameraConfig
 from pipeline.detect.roi import RoiDetector
+from pipeline.images.decode import decode
 from pipeline.optics.exposure import srgb_to_linear
-from pipeline.picture import decode
 from recordings.staff_scene import photograph
 from recordings.staff_table import photos
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pipeline.calibrate.blur_floor import BlurFloor
-from pipeline.calibration_run import calibrate_stored_blur
-from pipeline.config import Config, load_config
+from pipeline.core.config import Config, load_config
 from pipeline.optics.thin_lens import blur_radius_um
-from pipeline.run import run
+from pipeline.run.calibration import calibrate_stored_blur
+from pipeline.run.recordings import run
 from pipeline.store.database import Store
 from recordings.simulate_sweep import shots
 from recordings.sweep_random import random_shot

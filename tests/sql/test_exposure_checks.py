@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from pipeline.exposure_check import exposure_notes
-from pipeline.records import CALIBRATIONS, ESTIMATES, OBSERVATION_QUALITY, TRACK_HEIGHTS
+from pipeline.core.records import CALIBRATIONS, ESTIMATES, OBSERVATION_QUALITY, TRACK_HEIGHTS
+from pipeline.run.exposure_notes import exposure_notes
 from pipeline.store.database import Store
-from pipeline.store.exposures import exposure_verdicts
+from pipeline.store.exposure_rows import exposure_verdicts
 from tests.store.rows import ingest, recording, start, table
 
 FRAMES = 40

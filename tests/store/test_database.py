@@ -8,8 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.errors import StoreError, UsageError
-from pipeline.records import PASS_ONE, Diagnostic, Severity
+from pipeline.core.errors import StoreError, UsageError
+from pipeline.core.records import PASS_ONE, Diagnostic, Severity
 from pipeline.store.database import RECORDING_TABLES, Store
 from tests.store.rows import estimate, ingest, recording, start, table, write_parts
 

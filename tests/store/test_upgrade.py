@@ -7,7 +7,7 @@ from pathlib import Path
 import duckdb
 import pytest
 
-from pipeline.records import Diagnostic, Severity
+from pipeline.core.records import Diagnostic, Severity
 from pipeline.store.database import Store
 
 NOTE = Diagnostic(Severity.INFO, "a_code", "a sentence")

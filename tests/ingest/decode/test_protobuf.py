@@ -8,8 +8,8 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.ingest.decode.protobuf import bytes_field
-from pipeline.ingest.decode.tree import UndecodableMessage
+from pipeline.messages.protobuf import bytes_field
+from pipeline.messages.tree import UndecodableMessage
 
 DATA = CompressedImage.DATA_FIELD_NUMBER
 

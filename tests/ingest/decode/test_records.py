@@ -14,21 +14,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
-from pipeline.calibrate.camera_file import write_camera_file
-from pipeline.config import CameraConfig, Config, ExposureFields, load_config
-from pipeline.diagnostics import Notes
-from pipeline.errors import UsageError
-from pipeline.ingest.decode.boxes import detection_2d_array, image_annotations
-from pipeline.ingest.decode.calibration import camera_calibration
-from pipeline.ingest.decode.content import VideoPacket
-from pipeline.ingest.decode.images import compressed_image, raw_image
-from pipeline.ingest.decode.numbers import in_unit, named_numbers
-from pipeline.ingest.decode.registry import FAMILIES
-from pipeline.ingest.decode.tree import UndecodableMessage, blob
+from pipeline.core.camera_file import write_camera_file
+from pipeline.core.config import CameraConfig, Config, ExposureFields, load_config
+from pipeline.core.diagnostics import Notes
+from pipeline.core.errors import UsageError
+from pipeline.core.records import Boxes, Intrinsics, Pairing
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.mcap_records import McapFile
-from pipeline.ingest.mcap_writer import RecordingWriter, image_message, schema_of, timestamp
-from pipeline.records import Boxes, Intrinsics, Pairing
+from pipeline.mcap_file.reader import McapFile
+from pipeline.mcap_file.writer import RecordingWriter, image_message, schema_of, timestamp
+from pipeline.messages.boxes import detection_2d_array, image_annotations
+from pipeline.messages.calibration import camera_calibration
+from pipeline.messages.content import VideoPacket
+from pipeline.messages.images import compressed_image, raw_image
+from pipeline.messages.named_numbers import in_unit, named_numbers
+from pipeline.messages.registry import FAMILIES
+from pipeline.messages.tree import UndecodableMessage, blob
 from schemas.stadimeter_pb2 import CameraExposure
 
 K = [500.0, 0, 320.5, 0, 510.0, 240.5, 0, 0, 1]

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from pipeline.ingest.decode.registry import normalised
-from pipeline.ingest.decode.ros_schema import MAX_FIELDS, parse
-from pipeline.ingest.decode.ros_wire import cdr_reader, ros1_reader, unpacked
-from pipeline.ingest.decode.tree import UndecodableMessage
+from pipeline.messages.registry import normalised
+from pipeline.messages.ros_schema import MAX_FIELDS, parse
+from pipeline.messages.ros_wire import cdr_reader, ros1_reader, unpacked
+from pipeline.messages.tree import UndecodableMessage
 
 TEXT = """# all kinds of fields
 uint8 KIND_A=1

@@ -1,0 +1,101 @@
+"""What is known of a scene in metres, beside the people who walk there: the scale of a pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.calibrate.walkers.model import Sample, Scale
+from pipeline.calibrate.walkers.upright_edges import Uprights, bend_std_of
+from pipeline.core.config import SizePrior
+from pipeline.core.errors import UsageError
+from pipeline.core.records import FloatArray
+from pipeline.estimate.boxes.geometry import camera_of
+from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M
+from pipeline.estimate.types import Measured
+
+# Where something here is known in metres it decides; the population still keeps a fit from running off.
+FREE_MEAN_STD = 0.3  # relative
+
+
+@dataclass(frozen=True, slots=True)
+class KnownHeight:
+    """The height of one person when standing, with shoes."""
+
+    track_id: int
+    height_m: float
+    std_m: float = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class KnownDistance:
+    """How far apart two points on the ground are, each given by its pixel."""
+
+    points_px: FloatArray  # (2, 2)
+    distance_m: float
+    std_m: float = 0.0  # of the survey
+    std_px: float = 1.0  # of the points, as somebody marks them
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known of a scene in metres; each overrides the stature of the population."""
+
+    heights: tuple[KnownHeight, ...] = ()
+    distances: tuple[KnownDistance, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.heights or self.distances)
+
+
+NOTHING_KNOWN = Known()
+
+
+def check_known(known: Known, measured: Measured) -> None:
+    """Refuse what is known if it makes no sense."""
+    for person in known.heights:
+        if not (measured.track_id == person.track_id).any():
+            raise UsageError(f"there is no track {person.track_id} of camera {measured.camera!r}")
+        if not (0.2 < person.height_m < 3.0 and person.std_m > 0):
+            raise UsageError(f"nobody is {person.height_m} m tall")
+    for distance in known.distances:
+        if not (distance.distance_m > 0 and np.ptp(distance.points_px, axis=0).max() > 1):
+            raise UsageError("a known distance needs two points that are apart, and its length")
+
+
+def scale_of(
+    sample: Sample, prior: SizePrior, known: Known, measured: Measured, uprights: Uprights
+) -> Scale:
+    """Return what is known beside the tracks."""
+    walking_m = prior.mean_m - GAIT_DROP_M
+    mean_m, std_m = np.full((2, sample.people), [[walking_m], [prior.std_m]])
+    of_population = np.ones(sample.people, dtype=np.bool_)
+    for person in known.heights:
+        mine = sample.track_id == person.track_id
+        mean_m[mine], of_population[mine] = person.height_m - GAIT_DROP_M, False
+        std_m[mine] = np.hypot(person.std_m, GAIT_DROP_STD_M)
+    mean_std = FREE_MEAN_STD if known else prior.mean_uncertainty_m / prior.mean_m
+    camera = camera_of(measured.intrinsics) if measured.intrinsics else None
+    points = [
+        camera.normalize(np.asarray(d.points_px, dtype=np.float64))
+        for d in known.distances
+        if camera is not None
+    ]
+    return Scale(
+        mean_m,
+        std_m,
+        of_population,
+        float(mean_std),
+        np.array(points).reshape(-1, 2, 2),
+        np.array([d.distance_m for d in known.distances]),
+        np.array([_relative_std(d) for d in known.distances]),
+        uprights,
+        bend_std_of(measured.intrinsics),
+    )
+
+
+def _relative_std(known: KnownDistance) -> float:
+    """Return the relative standard deviation of a distance: survey, and marks of two points."""
+    apart_px = float(np.linalg.norm(np.diff(known.points_px, axis=0)))
+    return float(np.hypot(known.std_m / known.distance_m, np.sqrt(2) * known.std_px / apart_px))

@@ -1,0 +1,55 @@
+"""The pose of a stored camera from walkers, with its lens where nothing tells that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.calibrate.walkers.focal_length import calibrate_lens_from_walkers
+from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, Known
+from pipeline.calibrate.walkers.lens_check import DOUBTFUL, LensCheck, check_lens
+from pipeline.calibrate.walkers.pose import WalkersReport, fit_walkers
+from pipeline.core.config import SizePrior
+from pipeline.core.records import FloatArray, FoundLens, GroundPlane
+from pipeline.estimate.types import Measured
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrated:
+    """What walkers gave of a camera."""
+
+    plane: GroundPlane
+    report: WalkersReport
+    lens: FoundLens | None = None  # where nothing else told it
+    contradiction: LensCheck | None = None  # of the lens that was told
+
+
+def calibrate_stored(
+    measured: Measured,
+    row: Mapping[str, Any],
+    prior: SizePrior,
+    known: Known = NOTHING_KNOWN,
+    lines_px: FloatArray | None = None,
+) -> Calibrated:
+    """Return the pose of a stored camera and, if nothing tells it, the lens.
+
+    Args:
+        measured: the observations of one camera.
+        row: the camera, of the table `cameras`.
+        prior: as in `calibrate_from_walkers`, like the rest.
+        known: what is known in metres.
+        lines_px: straight edges.
+    """
+    if measured.intrinsics is None and row["width_px"] and row["height_px"]:
+        size_px = row["width_px"], row["height_px"]
+        lens, plane, report = calibrate_lens_from_walkers(measured, size_px, prior, known, lines_px)
+        return Calibrated(plane, report, lens)
+    fitted = fit_walkers(measured, prior, known, lines_px)
+    plane, report = fitted.result()
+    check = check_lens(fitted)
+    if check is None or not check.contradicts:
+        return Calibrated(plane, report)
+    if row["intrinsics_source"] == DOUBTFUL:
+        plane = check.widened(plane)
+    return Calibrated(plane, report, contradiction=check)

@@ -1,0 +1,240 @@
+"""`stadimeter demo`: the main job on the recordings that come with the source, told from end to end."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+from pipeline.cli.console import out, print_rows, progress_lines, safe
+from pipeline.core.config import Config, load_config
+from pipeline.core.errors import MissingLibrary, UsageError, Where
+from pipeline.ingest.survey import survey
+from pipeline.run.recording import Outcome
+from pipeline.run.recordings import run
+from pipeline.store.database import Store
+from pipeline.summary import print_run, print_tracks
+
+SOURCE_RECORDINGS = Path(__file__).resolve().parents[2] / "recordings"
+
+
+def demo(
+    recordings: Path | None, folder: Path
+) -> tuple[list[Outcome], list[Outcome], list[Outcome]]:
+    """Run on all recordings of a folder, print what came of it; return stored, failed, damaged.
+
+    Raises:
+        UsageError: there are no recordings.
+    """
+    source = recordings or SOURCE_RECORDINGS
+    paths = sorted(source.glob("*.mcap"))
+    if not paths:
+        raise UsageError(
+            "no recordings here", where=Where(source), remedy="Give their folder with --recordings"
+        )
+    camera_file = source / "cameras.toml"
+    config = load_config(camera_file if camera_file.is_file() else None)
+    database = folder / "stadimeter.duckdb"
+    folder.mkdir(parents=True, exist_ok=True)
+    with progress_lines() as report:
+        result = run(paths, database, config, timelines=folder, label="demo", report=report)
+    with Store.open(database, read_only=True) as store:
+        for outcome in result.stored:
+            recording = outcome.recording
+            assert recording is not None  # noqa: S101  (narrowing)
+            recording_id = recording.recording_id
+            truth = store.read("ground_truth", recording_id)
+            if STAFF in truth["class_name"].to_pylist():
+                _print_accuracy(store, recording_id, source)
+                continue
+            if _print_defocus(store, recording_id, outcome.path.name):
+                continue
+            _print_pose(store, recording_id)
+            print_tracks(store, recording_id, f"{outcome.path.name}: who walked where")
+            if truth.num_rows:
+                _print_true_pose(outcome.path, config)
+                _print_against_truth(store, recording_id, outcome.path.name)
+    print_run(result, database)
+    _write_report(database, folder / "report.html")
+    out.print(f"look      stadimeter review --db {safe(database)} {safe(paths[-1].stem)}")
+    out.print(f"next      stadimeter query --db {safe(database)} --view accuracy.by_aperture")
+    return result.stored, result.failed, result.damaged
+
+
+def _write_report(database: Path, target: Path) -> None:
+    from dashboards.report.writer import write_report
+
+    try:
+        write_report(database, target)
+    except MissingLibrary as error:  # the rest of the demo needs no extra
+        out.print(safe(error), style="yellow", soft_wrap=True)
+    else:
+        out.print(f"report    {safe(target)}", soft_wrap=True)
+
+
+def _print_pose(store: Store, recording_id: str) -> None:
+    for camera in store.read("cameras", recording_id).to_pylist():
+        if camera["pose_source"] is None:
+            continue
+        out.print(
+            f"camera {safe(camera['camera'])}: {camera['camera_height_m']:.2f} ± "
+            f"{1.96 * camera['camera_height_std_m']:.2f} m above the ground, tilted by "
+            f"{math.degrees(camera['tilt_rad']):.1f} ± "
+            f"{1.96 * math.degrees(camera['tilt_std_rad']):.1f} degrees (95 %), "
+            f"by {'the people who walk on it' if camera['pose_source'] == 'walkers' else 'the file'}",
+            soft_wrap=True,
+        )
+
+
+def _print_true_pose(path: Path, config: Config) -> None:
+    """Print the pose that a simulated recording was made with, as its metadata say; no run reads it."""
+    said = survey(path, config).metadata.get("true_camera")
+    if said is not None:
+        values = ", ".join(f"{safe(k)} = {safe(v)}" for k, v in said.items())
+        out.print(f"truth     {values}", soft_wrap=True)
+
+
+def _print_against_truth(store: Store, recording_id: str, title: str) -> None:
+    """Print how far depths and heights of people are from the truth, by method."""
+    depths = store.query(
+        """
+        SELECT method, count(*) AS n, median(abs(depth_error_m) / true_depth_m) AS relative,
+            median(depth_error_m / true_depth_m) AS bias,
+            avg((abs(depth_z) < 1.96)::INTEGER) AS inside
+        FROM accuracy.errors WHERE recording_id = ? GROUP BY method ORDER BY method
+        """,
+        [recording_id],
+    ).to_pylist()
+    heights = store.query(
+        """
+        SELECT method, median(abs(height_error_m)) AS off_m
+        FROM accuracy.track_heights WHERE recording_id = ? GROUP BY method
+        """,
+        [recording_id],
+    ).to_pylist()
+    off_m = {row["method"]: row["off_m"] for row in heights}
+    rows = [
+        [
+            row["method"],
+            f"{row['n']:,}",
+            f"{100 * row['relative']:.1f}",
+            f"{100 * row['bias']:+.1f}",
+            "" if row["inside"] is None else f"{100 * row['inside']:.0f}",
+            _cm(100 * off_m[row["method"]]) if row["method"] in off_m else "",
+        ]
+        for row in depths
+    ]
+    header = ("method", "estimates", "depth off %", "bias %", "in 95 % interval", "height off cm")
+    print_rows(f"{title}: against the truth, medians", header, rows)
+
+
+def _print_defocus(store: Store, recording_id: str, title: str) -> bool:
+    """Print depths by blur beside the truth, one row an object, place and focus; False for none."""
+    found = store.query(
+        """
+        SELECT m.object_id, m.true_depth_m, f.focus_distance_m, e.branch,
+            count(*) AS frames, min(f.f_number) AS widest, max(f.f_number) AS narrowest,
+            median(e.depth_m) AS depth_m, median(e.depth_std_m) AS std_m
+        FROM main.current_estimates AS e
+        JOIN matches AS m USING (recording_id, observation_index)
+        JOIN frames AS f ON f.recording_id = m.recording_id AND f.camera = m.camera
+            AND f.frame_index = m.frame_index
+        WHERE recording_id = ? AND e.method = 'defocus'
+        GROUP BY ALL ORDER BY m.object_id, f.focus_distance_m DESC, m.true_depth_m
+        """,
+        [recording_id],
+    ).to_pylist()
+    rows = [
+        [
+            row["object_id"],
+            "infinity" if math.isinf(row["focus_distance_m"]) else f"{row['focus_distance_m']:g} m",
+            {"near": "before", "far": "behind"}.get(row["branch"], ""),
+            f"{row['frames']} at f/{row['widest']:g} to f/{row['narrowest']:g}",
+            f"{row['true_depth_m']:.2f}",
+            f"{row['depth_m']:.3f} ± {1.96 * row['std_m']:.3f}",
+            f"{100 * (row['depth_m'] / row['true_depth_m'] - 1):+.1f}",
+        ]
+        for row in found
+    ]
+    header = ("object", "focus", "side", "frames", "true m", "by blur m (95 %)", "off %")
+    if rows:
+        print_rows(f"{title}: depth from blur alone, no size known", header, rows)
+    return bool(rows)
+
+
+STAFF = "levelling_staff"
+LABELS = {
+    "aperture": "Eq. 16, Table 8",
+    "inverse": "Eq. 17, printed",
+    "size": "one size (ours)",
+}
+
+
+def _print_accuracy(store: Store, recording_id: str, source: Path) -> None:
+    """Print the errors on `staff` beside those of what the paper prints for the same rows."""
+    depths = _table(source / "paper" / "depth_tables_3_to_7.csv")
+    heights = _table(source / "paper" / "height_tables_9_10.csv")
+    # A width that contradicts the row's other columns is a misprint, and no measurement.
+    wrong = [_id(r) for r in depths if "width_px contradicts" in r["erratum"]]
+    wrong += [_id(r) for r in heights if r["erratum"]]
+    found = store.query(
+        """
+        SELECT f_number, method, sqrt(avg(depth_error_m ** 2)) AS depth_m,
+            sqrt(avg(height_error_m ** 2)) AS height_m
+        FROM accuracy.errors WHERE recording_id = ? AND NOT list_contains(?, object_id)
+        GROUP BY GROUPING SETS ((f_number, method), (method))
+        """,
+        [recording_id, wrong],
+    ).to_pylist()
+    ours = {(r["f_number"], r["method"]): r["depth_m"] for r in found if r["depth_m"] is not None}
+    methods = sorted({method for _, method in ours})
+    paper = _printed_rmse(depths, wrong, "estimated_depth_cm", "actual_depth_cm")
+    apertures: list[float | None] = [*sorted({f for f, _ in ours if f is not None}), None]
+    rows = [
+        [
+            "all" if f is None else f"f/{f:g}",
+            _cm(paper.get(f)),
+            *(_cm(100 * ours[f, m]) if (f, m) in ours else "" for m in methods),
+        ]
+        for f in apertures
+    ]
+    header = ("aperture", "paper, printed", *(LABELS.get(m, m) for m in methods))
+    print_rows("staff: depth RMSE in cm, 50-110 cm, 34 rows of Tables 3-7", header, rows)
+    printed = _printed_rmse(heights, wrong, "estimated_height_cm", "actual_height_cm").get(None)
+    exact = next(
+        (r["height_m"] for r in found if (r["f_number"], r["method"]) == (None, "aperture")), None
+    )
+    if printed is not None and exact is not None:
+        out.print(
+            f"staff: height RMSE on {sum(not r['erratum'] for r in heights)} consistent rows of Tables "
+            f"9-10: the paper {printed:.2f} cm, ours by the exact magnification {100 * exact:.2f} cm"
+        )
+
+
+def _table(path: Path) -> list[dict[str, str]]:
+    if not path.is_file():
+        return []
+    with path.open(encoding="utf-8", newline="") as lines:
+        return list(csv.DictReader(lines))
+
+
+def _id(row: dict[str, str]) -> str:
+    table = row.get("paper_table") or (9 if int(row["row"]) <= 12 else 10)
+    return f"table{table}/row{row['row']}"
+
+
+def _printed_rmse(
+    rows: list[dict[str, str]], wrong: list[str], estimated: str, actual: str
+) -> dict[float | None, float]:
+    """Return the RMSE of what the paper prints, by f-number and, at None, of all rows."""
+    errors: dict[float | None, list[float]] = {}
+    for row in rows:
+        if _id(row) not in wrong:
+            error = float(row[estimated]) - float(row[actual])
+            errors.setdefault(float(row["f_number"]), []).append(error)
+            errors.setdefault(None, []).append(error)
+    return {f: math.sqrt(sum(e * e for e in es) / len(es)) for f, es in errors.items()}
+
+
+def _cm(value_cm: float | None) -> str:
+    return "" if value_cm is None else f"{value_cm:.2f}"

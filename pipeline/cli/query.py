@@ -1,0 +1,81 @@
+"""Answers from the database, read-only, in the forms that other programs take."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TextIO
+
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from pipeline.core.errors import UsageError, Where
+from pipeline.store.database import Store
+from pipeline.store.parquet import open_shared
+
+
+def answer(
+    database: Path, sql: str | None, view: str | None, parts: Path | None = None
+) -> pa.Table:
+    """Return the result of a statement, all rows of a view, or, without either, the catalogue.
+
+    Asks the database, or, where it is given, a folder of finished recordings.
+
+    Raises:
+        StoreError: the database cannot be opened.
+        UsageError: DuckDB does not accept the statement, or there is no such view.
+    """
+    opened = Store.open(database, read_only=True) if parts is None else open_shared(parts)
+    with opened as store:
+        if sql is not None:
+            return store.query(sql)
+        catalog = store.catalog()
+        if view is None:
+            return catalog
+        name = view.removeprefix("main.")
+        if name not in set(catalog["name"].to_pylist()):
+            raise UsageError(
+                f"there is no view or table {view!r}",
+                where=Where(store.path),
+                remedy="`stadimeter query --list` shows them",
+            )
+        return store.query(f"FROM {name}")  # one of the catalogue's own names
+
+
+def write_csv(table: pa.Table, stream: TextIO) -> None:
+    """Write a header line and a line a row; nothing for NULL."""
+    nested = [i for i, f in enumerate(table.schema) if pa.types.is_nested(f.type)]
+    for index in nested:  # CSV has no lists
+        texts = [None if v is None else json.dumps(v) for v in table.column(index).to_pylist()]
+        table = table.set_column(
+            index, table.schema.field(index).name, pa.array(texts, pa.string())
+        )
+    sink = pa.BufferOutputStream()
+    pa.csv.write_csv(table, sink)
+    stream.write(sink.getvalue().to_pybytes().decode())
+
+
+def write_json(table: pa.Table, stream: TextIO) -> None:
+    """Write one JSON object a line; times as ISO 8601; what JSON cannot hold as null."""
+    for row in table.to_pylist():
+        stream.write(json.dumps({k: _plain(v) for k, v in row.items()}, default=str) + "\n")
+
+
+def _plain(value: object) -> object:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write_parquet(table: pa.Table, path: Path) -> None:
+    """Write a Parquet file.
+
+    Raises:
+        UsageError: the file cannot be written.
+    """
+    try:
+        pa.parquet.write_table(table, path)
+    except OSError as error:
+        raise UsageError(
+            f"cannot be written: {error.strerror or error}", where=Where(path)
+        ) from error

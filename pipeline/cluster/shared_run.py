@@ -1,0 +1,186 @@
+"""Recordings into a folder of finished ones: what is missing is handed out, what is there is left.
+
+find what is missing -> recordings as tasks -> long ones cut into windows -> windows put together
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pipeline import __version__
+from pipeline.cluster.engine import ray_engine
+from pipeline.cluster.manifest import Manifest, Source, read_manifests
+from pipeline.cluster.split import Plan
+from pipeline.cluster.tasks import Run, join, work, work_window
+from pipeline.core.config import Config
+from pipeline.core.errors import StadimeterError, UsageError, Where
+from pipeline.core.progress import Progress, Report, silent
+from pipeline.parallel.processes import Engine, WorkerLost, local_engine
+from pipeline.run.recordings import begin
+
+# Windows of a long recording: 7 % of it is read twice (`split.OVERLAP_S`), and a day is 144 tasks.
+WINDOW_S = 600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """What became of one recording."""
+
+    path: Path
+    manifest: Manifest | None = None
+    error: StadimeterError | None = None
+
+
+@dataclass(slots=True)
+class SharedResult:
+    """What became of all of them."""
+
+    run_id: str
+    there: list[Finished] = field(default_factory=list)  # before this run
+    made: list[Finished] = field(default_factory=list)
+    failed: list[Finished] = field(default_factory=list)
+
+    @property
+    def stored(self) -> list[Finished]:
+        """Recordings that are in the folder."""
+        return [*self.there, *self.made]
+
+    @property
+    def damaged(self) -> list[Finished]:
+        """Recordings that were stored with losses."""
+        return [f for f in self.stored if f.manifest is not None and f.manifest.damaged]
+
+
+def run_shared(
+    recordings: Iterable[Path],
+    folder: Path,
+    config: Config,
+    *,
+    engine: str = "local",
+    address: str | None = None,
+    workers: int = 1,
+    window_s: float = WINDOW_S,
+    label: str | None = None,
+    report: Report = silent,
+) -> SharedResult:
+    """Measure and estimate the recordings that are not in the folder yet.
+
+    Args:
+        recordings: paths that every machine sees.
+        folder: shared storage, the same path on every machine.
+        config: how to work them.
+        engine: `local` or `ray`.
+        address: a running Ray cluster; None starts one on this machine.
+        workers: tasks at a time, where no cluster is running already.
+        window_s: recordings longer than one and a half times this are cut; 0 leaves all whole.
+        label: a name for the run.
+        report: is told what is done.
+
+    Raises:
+        UsageError: the folder cannot be made.
+        MissingLibrary, StadimeterError: the engine cannot be had.
+    """
+    try:
+        (folder / "manifests").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot be made: {error.strerror}", where=Where(folder)) from error
+    begun = begin(config, label)
+    run = Run(folder.absolute(), config, begun, window_s)
+    result = SharedResult(begun.run_id)
+    missing = _missing([p.absolute() for p in recordings], run, result)
+    if missing:
+        with _engine(engine, address, workers) as started:
+            _Course(started, run, result, report).follow(missing)
+    return result
+
+
+def _engine(name: str, address: str | None, workers: int) -> AbstractContextManager[Engine]:
+    return (
+        ray_engine(address, workers)
+        if name == "ray"
+        else local_engine(workers, loads=[work.__module__])
+    )
+
+
+def _missing(paths: list[Path], run: Run, result: SharedResult) -> list[Path]:
+    """Return the recordings of which there is no answer yet; enter those of which there is."""
+    if not any((run.folder / "manifests").glob("*.json")):
+        return list(dict.fromkeys(paths))
+    known = {m.source.path: m for m in read_manifests(run.folder)}
+    missing = []
+    for path in dict.fromkeys(paths):
+        manifest = known.get(str(path))
+        if manifest is not None and path.is_file() and _answers(manifest, path, run):
+            result.there.append(Finished(path, manifest))
+        else:
+            missing.append(path)
+    return missing
+
+
+def _answers(manifest: Manifest, path: Path, run: Run) -> bool:
+    return manifest.answers(Source.of(path), run.configuration_sha256, __version__) and all(
+        (run.folder / part.path).is_file() for part in manifest.parts.values()
+    )
+
+
+class _Course:
+    """The tasks of a start: which of them follow which."""
+
+    def __init__(self, engine: Engine, run: Run, result: SharedResult, report: Report) -> None:
+        self._engine = engine
+        self._run = run
+        self._result = result
+        self._report = report
+        self._plans: dict[Path, Plan] = {}
+        self._left: dict[Path, int] = {}  # windows that are not measured yet
+        self._lost: dict[Path, StadimeterError] = {}
+
+    def follow(self, paths: list[Path]) -> None:
+        """Hand out tasks until all recordings are finished."""
+        for path in paths:
+            self._engine.submit(path, work, path, self._run)
+        for name, found in self._engine.results():
+            path = name[0] if isinstance(name, tuple) else name
+            if isinstance(found, Plan):
+                self._cut(path, found)
+            elif isinstance(name, tuple):
+                self._window_done(path, found)
+            else:
+                self._finished(path, found)
+
+    def _cut(self, path: Path, plan: Plan) -> None:
+        self._plans[path], self._left[path] = plan, len(plan.windows)
+        for window in plan.windows:
+            name = (path, window.number)
+            self._engine.submit(name, work_window, path, self._run, plan, window)
+
+    def _window_done(self, path: Path, found: StadimeterError | None) -> None:
+        self._left[path] -= 1
+        if found is not None:
+            self._lost[path] = found
+        count = len(self._plans[path].windows)
+        done = count - self._left[path]
+        self._report(Progress(path.name, "measure", 0, done / count))
+        if self._left[path]:
+            return
+        if path in self._lost:
+            self._finished(path, self._lost[path])
+        else:
+            self._engine.submit(path, join, path, self._run, self._plans[path])
+
+    def _finished(self, path: Path, found: Manifest | StadimeterError) -> None:
+        if isinstance(found, StadimeterError):
+            self._result.failed.append(Finished(path, error=found))
+            return
+        if found.failure is not None:
+            error = StadimeterError(found.failure.rstrip("."))
+            self._result.failed.append(Finished(path, found, error))
+            return
+        self._result.made.append(Finished(path, found))
+        self._report(Progress(path.name, "done", found.frame_count, 1.0))
+
+
+__all__ = ["Finished", "SharedResult", "WorkerLost", "run_shared"]

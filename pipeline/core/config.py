@@ -1,0 +1,329 @@
+"""The configuration: one frozen tree, its defaults with their reasons, and the TOML that overrides.
+
+The file that a user writes (or `stadimeter calibrate` writes) is `camera.toml`:
+
+    [detect]                       # any table of this module, any of its fields
+    method = "motion"
+
+    [[camera]]                     # facts about a camera that its recordings lack
+    name = "nikon_d5300"
+    focal_length_mm = 50.0
+
+    [[calibration]]                # see `pipeline.core.records.Calibration`
+    method = "size"
+    object_class = "levelling_staff"
+    dimension = "width"
+    parameters = [{ name = "object_size_m", value = 0.060, std_error = 0.001 }]
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from pipeline.core.errors import UsageError, Where
+from pipeline.core.records import NAN, Calibration, Dimension
+
+# A hand-held EXIF clock ticks in whole seconds, a camera driver in microseconds; half a frame
+# period at 25 frames/s is the longest time over which an exposure still belongs to one frame only.
+EXPOSURE_TOLERANCE_S = 0.020
+
+# Motion is found on pictures reduced to a half, a quarter or an eighth while their shorter side stays at
+# least this long: a person of a tenth of the picture's height is then two dozen pixels tall.
+MIN_SIDE_PX = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds on what a file may claim, checked before memory is taken."""
+
+    record_bytes: int = 256 * 1024**2  # one MCAP record; a 4K raw frame is 33 MB
+    chunk_bytes: int = 128 * 1024**2  # one chunk, decompressed; writers make them of 1 to 50 MB
+    message_bytes: int = 16 * 1024**2  # one that is no picture: parsed, it takes some 30 times that
+    schema_bytes: int = 2 * 1024**2  # one schema; a set of messages with all its imports is 100 kB
+    all_schema_bytes: int = 64 * 1024**2
+    metadata_bytes: int = 1024**2  # of a channel; of all metadata records together
+    name_bytes: int = 1024  # a topic, the name of a schema, an encoding, a frame_id
+    channels: int = 4096
+    cameras: int = 64  # topics with pictures; each has a detector, with a background of its own
+    sources: int = 1024  # topics and frame_ids that bring exposure, calibration, truth, boxes
+    objects: int = 10_000  # boxes or true objects in one message
+    waiting_bytes: int = 256 * 1024**2  # pictures that wait, encoded, for what belongs to them
+    waiting_values: int = 100_000  # of one source, that wait for a picture
+    image_pixels: int = 100_000_000  # one picture; the largest sensors of today
+    image_scans: int = 100  # of one JPEG, usually 10; each is a pass over the whole picture
+    search_places: int = 1_000_000  # that are tried, in all, to find records behind damage
+
+
+@dataclass(frozen=True, slots=True)
+class IngestConfig:
+    """How messages become frames."""
+
+    exposure_tolerance_s: float = EXPOSURE_TOLERANCE_S
+    reorder_s: float = 0.25  # messages later than this behind the newest are not waited for
+    # The frame of transforms whose plane z = 0 is the ground; empty: one that is by convention.
+    ground_frame: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DetectConfig:
+    """How objects are found."""
+
+    method: str = "auto"  # auto, recorded, roi, motion, onnx
+    # How much of the recording is seen before the first answer: someone walking at 1 m/s leaves
+    # every spot within it, so the median of its pictures shows the background.
+    learning_s: float = 15.0
+    min_side_px: int = MIN_SIDE_PX
+    # The smallest object, as a share of the picture's height: below it, one pixel of error at the
+    # foot or head is more than a tenth of the object in most recordings.
+    min_height: float = 0.04
+    # What follows is for the method onnx. Relative paths start at the camera file's folder.
+    model: str = ""
+    model_family: str = "auto"  # see `pipeline.detect.network.output`
+    model_classes: tuple[str, ...] = ()  # by index, where the file does not name them
+    model_backend: str = "auto"  # auto, onnxruntime, opencv
+    model_input_px: int = 0  # side of the input where the file leaves it open; 0: the usual one
+    classes: tuple[str, ...] = ("person",)  # which of the network's classes are kept
+    min_score: float = 0.4  # between the 0.25 of YOLO's own tools and the 0.5 of RT-DETR's
+    # Of two boxes that share more (intersection over union) the worse is the same person again. Two
+    # people side by side a shoulder's width apart share a quarter to a third.
+    max_overlap: float = 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class TrackConfig:
+    """How observations are joined into tracks."""
+
+    coast_s: float = 2.0  # a walker passes behind a van or a tree within two seconds
+    coast_new_s: float = 0.5  # a track that is not confirmed yet is not worth waiting for
+    min_count: int = 5  # fewer observations are noise: a bird, a flicker
+    min_duration_s: float = 0.4  # or they all came at once
+
+    def noisy(self, count: int, duration_s: float) -> bool:
+        """Whether a track was seen too seldom or too briefly to be an object."""
+        return count < self.min_count or duration_s < self.min_duration_s
+
+
+@dataclass(frozen=True, slots=True)
+class SizePrior:
+    """The true size of a class of objects: mean and spread of the population."""
+
+    object_class: str
+    dimension: Dimension
+    mean_m: float
+    std_m: float
+    source: str = ""
+    object_count: int = 0  # of which mean and spread were taken; 0: not a sample
+    mean_std_m: float = NAN  # how far the mean of those who are here may lie off `mean_m`
+
+    @property
+    def mean_uncertainty_m(self) -> float:
+        """How sure the mean is: as stated, else by the size of the sample, else as of adults."""
+        if math.isfinite(self.mean_std_m):
+            return self.mean_std_m
+        if self.object_count:
+            return self.std_m / math.sqrt(self.object_count)
+        return self.mean_m * POPULATION_MEAN_STD_M / POPULATION_MEAN_M
+
+    @property
+    def any_std_m(self) -> float:
+        """The deviation of one object, whichever such population it is of, as far as that is said."""
+        return math.hypot(self.std_m, 0.0 if math.isnan(self.mean_std_m) else self.mean_std_m)
+
+
+# The mean of the people who happen to walk here differs from the population's, beyond chance. The mean
+# statures of the 200 countries are 19-20 cm apart at most (NCD-RisC 2016, eLife 5:e13410), which of so
+# many normal deviates is 5.5 deviations: 0.036 m. A share of men of 0.5 +- 0.2, who are 0.12 m taller:
+# 0.024 m. Age, at 1 cm a decade of birth and more when old, and shoes, of 1-4 cm: 0.015 m each. Together
+# 0.05 m.
+POPULATION_MEAN_M, POPULATION_MEAN_STD_M = 1.68, 0.05
+# Adult stature in the world's countries lies about 1.59 (women) and 1.71 m (men) with a spread of
+# 0.06-0.07 m within a sex (NCD-RisC 2020, birth cohorts to 1996); a mixed crowd is the mixture of
+# the two, and shoes add about 0.02 m. The mixture's spread is 0.09 m.
+ADULT = SizePrior(
+    "person",
+    Dimension.HEIGHT,
+    POPULATION_MEAN_M,
+    0.09,
+    "adult stature, both sexes, shod (NCD-RisC 2020)",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateConfig:
+    """How sizes become depths."""
+
+    extrapolate: bool = False  # use a calibration outside the range in which it was fitted
+
+
+@dataclass(frozen=True, slots=True)
+class ExposureFields:
+    """Where a recording keeps exposure values: topic, field and unit ("/diag.exposure us")."""
+
+    exposure_time_s: str = ""
+    f_number: str = ""
+    iso_speed: str = ""
+    exposure_bias_ev: str = ""
+    focal_length_mm: str = ""
+    focus_distance_m: str = ""
+    gain_db: str = ""
+    digital_zoom_ratio: str = ""
+    pixel_pitch_x_um: str = ""
+    pixel_pitch_y_um: str = ""
+    sensor_width_px: str = ""
+    sensor_height_px: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TimelineConfig:
+    """How timelines are written (`--rrd`, `stadimeter review`)."""
+
+    preview_px: int | None = None  # the longer side of their pictures; None: as recorded
+    split_s: float = 3600.0  # a file an hour: with previews about as much as a viewer holds
+
+
+@dataclass(frozen=True, slots=True)
+class CameraConfig:
+    """What is known of a camera beside its recordings; NaN is unknown.
+
+    It fills, and never overrides, what a recording says.
+    """
+
+    name: str
+    focal_length_mm: float = NAN
+    f_number: float = NAN
+    focus_distance_m: float = NAN
+    blur_floor_px: float = (
+        NAN  # how soft a sharp edge is (sigma) without diffraction, stored pixels
+    )
+    blur_floor_std_px: float = 0.0
+    pixel_pitch_x_um: float = NAN
+    pixel_pitch_y_um: float = NAN
+    fx_px: float = NAN
+    fy_px: float = NAN
+    cx_px: float = NAN
+    cy_px: float = NAN
+    focal_std_px: float = 0.0  # of a focal length that walkers told; 0: a calibration's
+    # of its error with those of height, tilt and roll
+    focal_correlation: tuple[float, ...] = ()
+    distortion_model: str = ""
+    distortion: tuple[float, ...] = ()
+    camera_height_m: float = NAN
+    camera_height_std_m: float = 0.0
+    tilt_deg: float = NAN
+    tilt_std_deg: float = 0.0
+    roll_deg: float = 0.0
+    roll_std_deg: float = 0.0
+    pose_correlation: tuple[float, ...] = ()  # height with tilt, height with roll, tilt with roll
+    roi_xyxy_px: tuple[float, ...] = ()  # the paper's cropping: one object fills this region
+    exposure: ExposureFields = ExposureFields()  # other channels, before what exposure messages say
+
+    def __post_init__(self) -> None:
+        """Refuse correlations that are none."""
+        for name in ("pose_correlation", "focal_correlation"):
+            given = getattr(self, name)
+            if given and not (len(given) == 3 and all(-1.0 <= v <= 1.0 for v in given)):
+                raise ValueError(f"{name} must be three numbers from -1 to 1, not {list(given)}")
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Everything that a run can be told."""
+
+    limits: Limits = Limits()
+    ingest: IngestConfig = IngestConfig()
+    detect: DetectConfig = DetectConfig()
+    track: TrackConfig = TrackConfig()
+    estimate: EstimateConfig = EstimateConfig()
+    timeline: TimelineConfig = TimelineConfig()
+    camera: tuple[CameraConfig, ...] = ()
+    size_prior: tuple[SizePrior, ...] = (ADULT,)
+    calibration: tuple[Calibration, ...] = ()
+
+    @property
+    def stature(self) -> SizePrior | None:
+        """The prior on the height of who walks: that of people, else the first on any height."""
+        heights = [p for p in self.size_prior if p.dimension is Dimension.HEIGHT]
+        people = [p for p in heights if p.object_class == ADULT.object_class]
+        return next(iter(people + heights), None)
+
+    def camera_named(self, name: str) -> CameraConfig:
+        """Return the entry of a camera, or an empty one."""
+        return next((c for c in self.camera if c.name == name), CameraConfig(name))
+
+
+def load_config(path: Path | None) -> Config:
+    """Read a `camera.toml`; None gives the defaults.
+
+    Raises:
+        UsageError: the file cannot be read, or holds a key or value that means nothing here.
+    """
+    if path is None:
+        return Config()
+    try:
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(
+            f"cannot read the camera file: {error.strerror}", where=Where(path)
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"not valid TOML: {error}", where=Where(path)) from error
+    try:
+        config: Config = _build(Config, tree, "")
+    except ValueError as error:
+        raise UsageError(
+            str(error), where=Where(path), remedy="The README lists the keys of camera.toml"
+        ) from error
+    if config.detect.model:
+        model = str(path.parent / config.detect.model)
+        config = replace(config, detect=replace(config.detect, model=model))
+    return config
+
+
+def _build(kind: Any, value: Any, place: str) -> Any:
+    """Return `value` as a `kind`, checked all the way down; errors name the key."""
+    origin = typing.get_origin(kind)
+    if is_dataclass(kind):
+        return _build_dataclass(kind, value, place)
+    if origin is tuple:
+        if not isinstance(value, list):
+            raise ValueError(f"{place} must be an array")
+        item = typing.get_args(kind)[0]
+        return tuple(_build(item, v, f"{place}[{i}]") for i, v in enumerate(value))
+    if origin is types.UnionType:
+        return _build(typing.get_args(kind)[0], value, place)
+    if isinstance(kind, type) and issubclass(kind, StrEnum):
+        if value not in list(kind):
+            raise ValueError(f"{place} must be one of {', '.join(kind)}, not {value!r}")
+        return kind(value)
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        if math.isnan(value):
+            raise ValueError(f"{place} is NaN; leave out what is unknown")
+        return float(value)
+    if kind is int and isinstance(value, int) and not isinstance(value, bool):
+        return value
+    if isinstance(kind, type) and type(value) is kind:
+        return value
+    raise ValueError(f"{place} must be a {getattr(kind, '__name__', kind)}, not {value!r}")
+
+
+def _build_dataclass(kind: Any, value: Any, place: str) -> Any:
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{place or 'the file'} must be a table")
+    hints = typing.get_type_hints(kind)
+    known = {f.name: f for f in fields(kind)}
+    prefix = f"{place}." if place else ""
+    for key in value:
+        if key not in known:
+            raise ValueError(f"unknown key {prefix}{key}; known are {', '.join(known)}")
+    for name, f in known.items():
+        if name not in value and f.default is MISSING and f.default_factory is MISSING:
+            raise ValueError(f"{prefix}{name} is missing")
+    return kind(**{key: _build(hints[key], v, prefix + key) for key, v in value.items()})

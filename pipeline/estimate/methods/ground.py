@@ -1,0 +1,82 @@
+"""Depth and height from where an object stands on the ground (DESIGN, section 2)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.boxes.scatter import scatter_of
+from pipeline.estimate.methods.scaling import pose_variance
+from pipeline.estimate.types import Estimated
+from pipeline.optics.ground_plane import (
+    depth_jacobian,
+    foot_depth_m,
+    ground_position_m,
+    height_jacobian,
+    height_m,
+    range_m,
+)
+from pipeline.optics.silhouette import REACH_COMMON_STD, REACH_TRACK_STD
+
+
+def estimate(geometry: Geometry) -> Estimated:
+    """Return depths, heights and positions of what stands on the ground; the pose must be known.
+
+    Where the picture cuts off the feet there is no depth; where it cuts off the head, no height.
+    """
+    m = geometry.measured
+    estimated = Estimated(len(m))
+    plane = m.ground_plane
+    if plane is None or m.intrinsics is None:
+        return estimated
+    foot, head = geometry.foot, geometry.head
+    x_f, y_f, y_h = foot[:, 0], foot[:, 1], head[:, 1]
+    h_m, tilt = plane.camera_height_m, plane.tilt_rad
+    depth_m = foot_depth_m(h_m, tilt, y_f)
+    tall_m = height_m(depth_m, y_f, y_h, tilt)
+
+    by_pose = np.stack(depth_jacobian(h_m, tilt, x_f, y_f), axis=1)
+    # A longer focal length makes rows smaller: dy = -y d(log f).
+    depth_common = pose_variance(by_pose[:, :3], -y_f * by_pose[:, 3], plane)
+    # How far a foot is before the axis differs by person, and by what all of them wear.
+    reach_std_m = np.hypot(REACH_TRACK_STD, REACH_COMMON_STD) * geometry.reach_m
+    depth_common += reach_std_m**2
+    tall_by = np.stack(height_jacobian(h_m, tilt, foot, head), axis=1)
+    by_focal = -(y_f * tall_by[:, 3] + y_h * tall_by[:, 4])
+    tall_common = pose_variance(tall_by[:, :3], by_focal, plane)
+    tall_common += (tall_by[:, 3] / by_pose[:, 3] * reach_std_m) ** 2
+    if geometry.reach is not None:
+        foot_std, head_std = geometry.common_std.T
+        tall_common += (tall_by[:, 3] * foot_std) ** 2 + (tall_by[:, 4] * head_std) ** 2
+        depth_common += (by_pose[:, 3] * foot_std) ** 2
+    depth_std_m = np.sqrt(depth_common + (by_pose[:, 3] * geometry.foot_std) ** 2)
+    noise = (tall_by[:, 3] * geometry.foot_std) ** 2 + (tall_by[:, 4] * geometry.head_std) ** 2
+
+    footless = m.truncated[:, 3]
+    estimated.depth_m = np.where(footless, np.nan, depth_m)
+    estimated.depth_std_m = np.where(footless, np.nan, depth_std_m)
+    estimated.depth_common_std_m = np.where(footless, 0.0, np.sqrt(depth_common))
+    no_height = geometry.height_cut
+    estimated.height_m = np.where(no_height, np.nan, tall_m)
+    estimated.height_std_m = np.where(no_height, np.nan, np.sqrt(tall_common + noise))
+    estimated.height_common_std_m = np.where(no_height, 0.0, np.sqrt(tall_common))
+    x_m, y_m = ground_position_m(estimated.depth_m, x_f, y_f, tilt)
+    estimated.x_m, estimated.y_m = x_m, y_m
+    half_m = np.where(np.isnan(estimated.height_m), 0.85, estimated.height_m / 2)
+    estimated.range_m = range_m(x_m, y_m, h_m, half_m)
+    return estimated
+
+
+def with_scatter(geometry: Geometry) -> Geometry:
+    """Return the geometry with the boxes as good as the heights of their tracks say."""
+    m, plane = geometry.measured, geometry.measured.ground_plane
+    if plane is None or m.intrinsics is None:
+        return geometry
+    tall_by = height_jacobian(plane.camera_height_m, plane.tilt_rad, geometry.foot, geometry.head)
+    swing_m = np.abs(tall_by[3]) * geometry.swing_std
+    scatter = scatter_of(m, estimate(geometry), swing_m)
+    std_px = m.std_xyxy_px.copy()
+    std_px[:, [1, 3]] *= np.sqrt(scatter.ratio)[:, None]
+    return geometry.but(measured=replace(m, std_xyxy_px=std_px), scatter=scatter)

@@ -1,0 +1,119 @@
+"""What a message states, held against what can be: each impossible value is left out, with a word.
+
+This comes after decoding, so it holds for every encoding. The bounds refuse the impossible, not the
+unusual; those of exposure and lens are in `pipeline.core.exposure`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pipeline.core.records import NAN, Boxes, Intrinsics, TrueObject
+from pipeline.mcap_file.reader import MAX_TIME_NS
+from pipeline.messages.content import Decoded, Payload
+
+# A fisheye of a small picture has some 50 px, an astronomical telescope before a large sensor 1e7.
+FOCAL_PX = (1.0, 1e8)
+# Pixels are square, or oblong in old video and where a sensor bins one direction.
+FOCAL_RATIO = (0.1, 10.0)
+# The axis may miss a picture that was cut out of a larger one, by some of its sizes.
+CENTRE_IN_SIZES = 10.0
+# Farther than this nothing can be seen on the ground; nothing that is taller stands there.
+LONGEST_M = 1e6
+WIDEST_STD_PX = 1e4
+
+
+def refuse_implausible(message: Decoded) -> Decoded:
+    """Return a message without its impossible values, and a sentence for each in `refused`."""
+    refused: list[str] = []
+    time_ns = message.capture_time_ns
+    if time_ns is not None and not 0 < time_ns <= MAX_TIME_NS:
+        refused.append(f"the time {time_ns / 1e9:.9g} s is impossible; the log time is used")
+        time_ns = None
+    payload = _plausible(message.payload, refused)
+    if not refused:
+        return message
+    kept = message.refused + refused
+    return replace(message, capture_time_ns=time_ns, payload=payload, refused=kept)
+
+
+def _plausible(payload: Payload | None, refused: list[str]) -> Payload | None:
+    if isinstance(payload, Intrinsics):
+        return _lens(payload, refused)
+    if isinstance(payload, Boxes):
+        return _boxes(payload, refused)
+    if isinstance(payload, tuple):
+        return tuple(  # type: ignore[return-value]
+            _true_object(item, refused) if isinstance(item, TrueObject) else item
+            for item in payload
+        )
+    return payload
+
+
+def _lens(lens: Intrinsics, refused: list[str]) -> Intrinsics | None:
+    low, high = FOCAL_PX
+    fx_px, fy_px = lens.fx_px, lens.fy_px
+    for name, value in (("fx", fx_px), ("fy", fy_px)):
+        if not low <= value <= high:
+            refused.append(f"focal length {name} {value:g} px is impossible")
+    if not (low <= fx_px <= high and low <= fy_px <= high):
+        return None
+    if not FOCAL_RATIO[0] <= fx_px / fy_px <= FOCAL_RATIO[1]:
+        refused.append(f"focal lengths {fx_px:g} and {fy_px:g} px are not of one lens")
+        return None
+    cx_px = _centre("x", lens.cx_px, lens.width_px, refused)
+    cy_px = _centre("y", lens.cy_px, lens.height_px, refused)
+    if math.isnan(cx_px) or math.isnan(cy_px):
+        return None
+    return (
+        lens
+        if (cx_px, cy_px) == (lens.cx_px, lens.cy_px)
+        else replace(lens, cx_px=cx_px, cy_px=cy_px)
+    )
+
+
+def _centre(axis: str, value_px: float, size_px: int, refused: list[str]) -> float:
+    """Return a coordinate of the centre; the middle of the picture for an impossible one."""
+    bound = CENTRE_IN_SIZES * (size_px or 1e5)
+    if abs(value_px) <= bound:
+        return value_px
+    refused.append(f"centre {axis} {value_px:g} px is impossible; taken as the picture's middle")
+    return (size_px - 1) / 2 if size_px else NAN
+
+
+def _boxes(boxes: Boxes, refused: list[str]) -> Boxes:
+    with np.errstate(invalid="ignore"):
+        bad_score = ~np.isnan(boxes.score) & ~((boxes.score >= 0) & (boxes.score <= 1))
+        bad_std = ~((boxes.std_px >= 0) & (boxes.std_px <= WIDEST_STD_PX)).all(axis=1)
+    if not bad_score.any() and not bad_std.any():
+        return boxes
+    refused += [f"score {value:g} is not between 0 and 1" for value in boxes.score[bad_score]]
+    refused += [f"box of deviation {row.max():g} px is none" for row in boxes.std_px[bad_std]]
+    return replace(boxes, score=np.where(bad_score, NAN, boxes.score)).take(
+        np.flatnonzero(~bad_std)
+    )
+
+
+def _true_object(truth: TrueObject, refused: list[str]) -> TrueObject:
+    absurd: dict[str, Any] = {}
+    for name in ("depth_m", "range_m", "height_m", "width_m", "x_m", "y_m"):
+        value = getattr(truth, name)
+        if abs(value) > LONGEST_M:
+            refused.append(f"true {name} {value:g} is impossible")
+            absurd[name] = NAN
+    return replace(truth, **absurd) if absurd else truth
+
+
+def inside_picture(
+    boxes: Boxes, width_px: int, height_px: int
+) -> tuple[Boxes, list[tuple[float, ...]]]:
+    """Return the boxes that show something of a picture, and the edges of those that do not."""
+    x0, y0, x1, y1 = boxes.bbox_xyxy_px.T
+    shown = (x1 > -0.5) & (y1 > -0.5) & (x0 < width_px - 0.5) & (y0 < height_px - 0.5)
+    if shown.all():
+        return boxes, []
+    return boxes.take(shown), [tuple(row) for row in boxes.bbox_xyxy_px[~shown].tolist()]

@@ -1,0 +1,108 @@
+"""The channels of one recording: what each needs to be read, decided at its first message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from pipeline.core.config import Limits
+from pipeline.mcap_file.reader import ChannelInfo, RawMessage
+from pipeline.messages import json_text
+from pipeline.messages.content import Kind
+from pipeline.messages.exposure import camera_exposure, names_exposure
+from pipeline.messages.named_numbers import NamedNumber
+from pipeline.messages.registry import (
+    Decoder,
+    Reader,
+    decoder_of,
+    is_unread,
+    may_be_json_exposure,
+    reader_of,
+)
+from pipeline.messages.tree import UndecodableMessage
+
+# What `stadimeter export` marks its own channels with: they are results, not evidence.
+EXPORTED = ("written_by", "stadimeter export")
+
+Tell = Callable[[str, str, RawMessage], None]  # code, sentence, message
+
+
+class Source(NamedTuple):
+    """How a channel is read: as messages of a kind, and for the numbers that a camera file names."""
+
+    decoder: Decoder | None
+    reader: Reader | None
+    named: tuple[tuple[NamedNumber, str], ...]
+
+    @property
+    def is_image(self) -> bool:
+        """Whether a message that cannot be read is a picture lost."""
+        return self.decoder is not None and self.decoder.kind in (Kind.IMAGE, Kind.VIDEO)
+
+
+UNREAD = Source(None, None, ())
+
+
+class Channels:
+    """Finds the source of each message, once a channel."""
+
+    def __init__(self, limits: Limits, named: Sequence[NamedNumber], tell: Tell) -> None:
+        self._limits = limits
+        self._named = named
+        self._tell = tell
+        self._sources: dict[tuple[int, ChannelInfo], Source] = {}
+
+    def source(self, raw: RawMessage) -> Source:
+        """Return how a message is read; `tell` hears what cannot be."""
+        key = (raw.channel_id, raw.channel)
+        found = self._sources.get(key)
+        if found is None:
+            found = self._sources[key] = self._find(raw)
+        return found
+
+    def _find(self, raw: RawMessage) -> Source:
+        channel = raw.channel
+        if EXPORTED in channel.metadata:
+            return UNREAD
+        try:
+            decoder = decoder_of(channel, self._limits.record_bytes)
+            if decoder is None and may_be_json_exposure(channel):
+                decoder = _exposure_by_content(raw.data)
+        except UndecodableMessage as error:
+            self._tell("unsupported_channel", f"the channel is not read: {error}", raw)
+            return UNREAD
+        if decoder is None and is_unread(channel):
+            self._tell(
+                "unsupported_channel",
+                f"schema {channel.schema_name!r} in encoding {channel.message_encoding!r} "
+                "is not read",
+                raw,
+            )
+        return Source(decoder, *self._numbers(raw))
+
+    def _numbers(
+        self, raw: RawMessage
+    ) -> tuple[Reader | None, tuple[tuple[NamedNumber, str], ...]]:
+        named = tuple((n, raw.channel.topic) for n in self._named if n.topic([raw.channel.topic]))
+        if not named:
+            return None, ()
+        try:
+            reader = reader_of(raw.channel, self._limits.record_bytes)
+        except UndecodableMessage as error:
+            self._tell("unsupported_channel", f"its numbers cannot be read: {error}", raw)
+            return None, ()
+        if reader is None:
+            encoding = raw.channel.message_encoding
+            self._tell("unsupported_channel", f"numbers in {encoding!r} are not read", raw)
+        return reader, named if reader else ()
+
+
+def _exposure_by_content(data: bytes) -> Decoder | None:
+    """Return the decoder of exposures if a JSON message without a schema is one."""
+    try:
+        tree = json_text.read(data)
+    except UndecodableMessage:
+        return None
+    if not names_exposure(tree):
+        return None
+    return Decoder(Kind.EXPOSURE, json_text.read, camera_exposure)

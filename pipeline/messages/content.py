@@ -1,0 +1,78 @@
+"""What a message brings: the kinds, and the record of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from pipeline.core.records import Boxes, Exposure, Intrinsics, RawLayout, TrueObject
+from pipeline.messages.tree import Tree
+
+
+class Kind(StrEnum):
+    """What a channel brings."""
+
+    IMAGE = "image"
+    VIDEO = "video"
+    CALIBRATION = "calibration"
+    EXPOSURE = "exposure"
+    TRUTH = "ground truth"
+    DETECTIONS = "detections"
+    TRANSFORMS = "transforms"
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedImage:
+    """A picture, still encoded; bare pixels where it has a layout."""
+
+    format: str
+    data: bytes
+    layout: RawLayout | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class VideoPacket:
+    """What a message of a video stream holds: the bytes of one frame."""
+
+    codec: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """Where the frame `child` is in the frame `parent`."""
+
+    parent: str
+    child: str
+    translation_m: tuple[float, float, float]
+    rotation_xyzw: tuple[float, float, float, float]
+
+
+Payload = (
+    EncodedImage
+    | VideoPacket
+    | Intrinsics
+    | Exposure
+    | tuple[TrueObject, ...]
+    | Boxes
+    | tuple[Transform, ...]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """A message's content.
+
+    `capture_time_ns` is None where the message states no time; `payload` is None where it holds
+    nothing of use. `refused` has a sentence for each value that was not taken, under `code`.
+    """
+
+    capture_time_ns: int | None
+    frame_id: str
+    payload: Payload | None
+    refused: list[str] = field(default_factory=list)
+    code: str = "invalid_value"
+
+
+Family = Callable[[Tree], Decoded]

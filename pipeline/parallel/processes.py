@@ -1,0 +1,219 @@
+"""Tasks side by side: functions and their arguments go out, results come back under their names.
+
+What runs them is an engine: this process, several processes of this machine, or Ray (`cluster.engine`).
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import select
+import sys
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.context import BaseContext
+from multiprocessing.reduction import ForkingPickler
+from typing import Any, Protocol
+
+from pipeline.core.errors import StadimeterError
+from pipeline.lifeline import die_with_parent
+
+# A task whose machine dies is begun again elsewhere; one that kills whatever it runs on is given up.
+RETRIES = 3
+# Whoever ran beside it was killed with it. From the second time on, suspects run alone.
+DEATHS_TOGETHER = 2
+LISTEN_S = 0.2  # how long messages may wait to be heard
+# POSIX writes so much into a pipe in one piece (Linux 4096 bytes), with no lock that the dead could keep.
+_IN_ONE_PIECE = getattr(select, "PIPE_BUF", 512) - 4
+
+Listener = Callable[[Any], None]
+
+
+class WorkerLost(StadimeterError):
+    """The process or machine that did a task died of it, or with it."""
+
+
+def lost(name: object, why: object) -> WorkerLost:
+    """Return what is said of a task that is given up."""
+    return WorkerLost(
+        f"what worked on it died {RETRIES + 1} times: {why}",
+        remedy=f"See whether memory ran out; `stadimeter inspect` tells what is in {name}",
+    )
+
+
+class Engine(Protocol):
+    """Runs tasks."""
+
+    def submit(self, name: object, task: Callable[..., Any], *arguments: object) -> None:
+        """Begin a task, or let it wait for its turn."""
+
+    def results(self) -> Iterator[tuple[Any, Any]]:
+        """Yield name and result of each task as it ends, of those begun meanwhile too.
+
+        A result may be a `WorkerLost`.
+        """
+
+
+class LocalEngine:
+    """Processes of this machine.
+
+    No more tasks are handed to the pool than it has processes: when one dies, the pool goes with it,
+    and whoever was in it is suspected of it.
+    """
+
+    def __init__(
+        self, workers: int, listener: Listener | None = None, loads: Sequence[str] = ()
+    ) -> None:
+        self._workers = workers
+        self._listener = listener
+        self._context = _context(loads)
+        self._heard, self._told = _one_way(self._context)
+        self._pool: ProcessPoolExecutor | None = None
+        self._waiting: deque[_Task] = deque()
+        self._running: dict[Future[Any], _Task] = {}
+
+    def submit(self, name: object, task: Callable[..., Any], *arguments: object) -> None:
+        """Let a task wait for its turn."""
+        self._waiting.append(_Task(name, task, arguments))
+
+    def results(self) -> Iterator[tuple[Any, Any]]:
+        """Yield name and result of each task as it ends."""
+        while self._waiting or self._running:
+            self._begin()
+            done, _ = wait(self._running, timeout=LISTEN_S, return_when=FIRST_COMPLETED)
+            self._listen()
+            for future in done:
+                task = self._running.pop(future)
+                if not isinstance(future.exception(), BrokenProcessPool):
+                    yield task.name, future.result()
+                    continue
+                self._pool = None
+                task.deaths += 1
+                if task.deaths > RETRIES:
+                    yield task.name, lost(task.name, "its process ended")
+                else:
+                    self._waiting.append(task)
+
+    def _begin(self) -> None:
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(
+                self._workers,
+                mp_context=self._context,
+                initializer=_begin_process,
+                initargs=(self._told,),
+            )
+        while self._waiting and len(self._running) < self._workers:
+            together = [self._waiting[0], *self._running.values()]
+            if len(together) > 1 and any(t.deaths >= DEATHS_TOGETHER for t in together):
+                return
+            task = self._waiting.popleft()
+            try:
+                self._running[self._pool.submit(task.function, *task.arguments)] = task
+            except BrokenProcessPool:  # those that run will say so
+                self._waiting.appendleft(task)
+                if not self._running:
+                    self._pool = None
+                return
+
+    def _listen(self) -> None:
+        while self._heard.poll():
+            message = self._heard.recv()
+            if self._listener is not None:
+                self._listener(message)
+
+    def close(self) -> None:
+        """End the processes."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+        self._heard.close()
+        self._told.close()
+
+
+_to_parent: Connection | None = None
+
+
+def _context(loads: Sequence[str]) -> BaseContext:
+    """Return how processes begin: with none of this one's threads and locks.
+
+    Linux copies them from one that has loaded the modules and done nothing else: once for all.
+    """
+    if sys.platform != "linux":
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(loads))
+    return context
+
+
+def _one_way(context: BaseContext) -> tuple[Connection, Connection]:
+    """Return the ends of a pipe; who finds it full does not wait."""
+    heard, told = context.Pipe(duplex=False)
+    if os.name == "posix":
+        os.set_blocking(told.fileno(), False)
+    return heard, told
+
+
+def _begin_process(told: Connection) -> None:
+    global _to_parent
+    _to_parent = told
+    die_with_parent()
+
+
+def tell(message: object) -> None:
+    """Tell the listener of the engine that runs this task something small that it may also miss."""
+    if _to_parent is None:
+        return
+    data = ForkingPickler.dumps(message)
+    if len(data) <= _IN_ONE_PIECE:
+        with suppress(BlockingIOError):
+            _to_parent.send_bytes(data)
+
+
+class InlineEngine:
+    """This process, one task after another."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[_Task] = deque()
+
+    def submit(self, name: object, task: Callable[..., Any], *arguments: object) -> None:
+        """Let a task wait for its turn."""
+        self._waiting.append(_Task(name, task, arguments))
+
+    def results(self) -> Iterator[tuple[Any, Any]]:
+        """Yield name and result of each task as it ends."""
+        while self._waiting:
+            task = self._waiting.popleft()
+            yield task.name, task.function(*task.arguments)
+
+
+@dataclass(slots=True)
+class _Task:
+    name: object
+    function: Callable[..., Any]
+    arguments: tuple[object, ...]
+    deaths: int = 0
+
+
+@contextmanager
+def local_engine(
+    workers: int, listener: Listener | None = None, loads: Sequence[str] = ()
+) -> Iterator[Engine]:
+    """Give an engine.
+
+    Args:
+        workers: how many processes; one is this process.
+        listener: hears what tasks of other processes tell.
+        loads: modules that all tasks need.
+    """
+    if workers <= 1:
+        yield InlineEngine()
+        return
+    engine = LocalEngine(workers, listener, loads)
+    try:
+        yield engine
+    finally:
+        engine.close()

@@ -1,0 +1,154 @@
+"""Pass 2: the columns of one stored recording become depths and heights. No picture is read.
+
+stored measurements -> pose of the camera -> every method that applies -> estimates
+
+Tracks are read, estimated and stored in batches, so that memory is that of a batch. What needs all of a
+camera, its pose and what blur says of its lens, is asked of a sample that does not depend on them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pipeline.calibrate.camera_entry import given_pose
+from pipeline.calibrate.stored_lens import known_lens, with_doubt, with_found
+from pipeline.calibrate.walkers.pose import WalkersReport
+from pipeline.calibrate.walkers.pose_and_lens import calibrate_stored
+from pipeline.core.config import Config
+from pipeline.core.errors import CalibrationUndetermined
+from pipeline.core.records import Diagnostic, FloatArray, FoundLens, GroundPlane, Severity
+from pipeline.estimate.estimate_tracks import Rows, Said, camera_blur, estimate_tracks
+from pipeline.estimate.track_batches import Tracks
+from pipeline.run.exposure_notes import exposure_notes
+from pipeline.run.stored_camera import StoredCamera, lines_of
+from pipeline.store.database import Store
+
+# Observations that are worked on at once, at about 2 kB each: 40 MB. Fewer cost time, as the smoother
+# goes step by step, for all tracks of a batch together: with 10,000 a seventh more than with 50,000.
+BATCH = 20_000
+# What the blur of a camera says as a whole is asked of so many observations; it is a few numbers.
+BLUR_SAMPLE = 20_000
+
+
+def estimate_recording(
+    store: Store,
+    recording_id: str,
+    run_id: str,
+    file_name: str,
+    config: Config,
+    batch: int = BATCH,
+) -> None:
+    """Estimate a stored recording by every method and store the results, inside a transaction.
+
+    Tracks are worked on in batches of about `batch` observations; the results do not depend on it.
+    """
+    said = Said(config)
+    said.add(exposure_notes(store.exposure_verdicts(recording_id)))
+    edges = store.read("background_lines", recording_id)
+    prior = config.stature
+    tracks = store.tracks_of(recording_id, prior.object_class if prior else "")
+    store.forget_estimates(recording_id, run_id)
+    for row in store.read("cameras", recording_id).to_pylist():
+        mine = tracks.filter(pc.equal(tracks["camera"], row["camera"]))
+        if not mine.num_rows:
+            continue
+        camera = StoredCamera(
+            store, recording_id, known_lens(row, config.camera_named(row["camera"]))
+        )
+        lines_px = lines_of(edges, row["camera"])
+        camera.plane = _pose(camera, mine, lines_px, config, said)
+        if camera.plane is not None:
+            store.set_pose(recording_id, row["camera"], camera.plane)
+        if camera.row != row:
+            store.set_lens(recording_id, camera.row)
+        for rows in _estimated(camera, Tracks.of(mine), config, said, batch):
+            store.add_estimates(recording_id, run_id, rows.by_table())
+    store.add_calibrations(said.calibrations(), run_id)
+    store.add_diagnostics(said.diagnostics(), recording_id, run_id, file_name)
+
+
+def _estimated(
+    camera: StoredCamera, tracks: Tracks, config: Config, said: Said, batch: int
+) -> Iterator[Rows]:
+    """Yield the rows of one batch of tracks after another."""
+    blur = None
+    sample = tracks.sample(BLUR_SAMPLE)
+    if tracks.observations > batch or len(sample) < len(tracks):
+        blur = camera_blur(camera.measured(sample), config)
+        said.add([blur.contradicted] if blur.contradicted else [])
+    for some in tracks.batches(batch):
+        measured = camera.measured(some)
+        if len(measured):
+            yield estimate_tracks(measured, config, said, blur)
+
+
+def _pose(
+    camera: StoredCamera, tracks: pa.Table, lines_px: FloatArray, config: Config, said: Said
+) -> GroundPlane | None:
+    """Return the camera's pose.
+
+    As the camera file gives it, else by the recording's transforms, else from the people who walk.
+    """
+    name = camera.row["camera"]
+    given = given_pose(config.camera_named(name), camera.row) or recorded_pose(camera.row)
+    prior = config.stature
+    if given is not None or prior is None:
+        return given
+    measured = camera.people(tracks)
+    if measured is None:
+        return None
+    try:
+        found = calibrate_stored(measured, camera.row, prior, lines_px=lines_px)
+    except CalibrationUndetermined as error:
+        said.add([Diagnostic(Severity.INFO, "pose_undetermined", error.problem, camera=name)])
+        return None
+    if found.lens is not None:
+        camera.row = with_found(camera.row, found.lens)
+        said.add([_describe_lens(name, found.lens)])
+    if found.contradiction is not None:
+        said.add([found.contradiction.describe(name, camera.row["intrinsics_source"])])
+        camera.row = with_doubt(camera.row, found.plane)
+    said.add([_describe(name, found.plane, found.report)])
+    return found.plane
+
+
+def recorded_pose(camera: Mapping[str, Any]) -> GroundPlane | None:
+    """Return the pose that a recording's transforms give, by the row of the table `cameras`."""
+    if camera["recorded_height_m"] is None:
+        return None
+    return GroundPlane(
+        camera["recorded_height_m"],
+        camera["recorded_tilt_rad"],
+        camera["recorded_roll_rad"],
+        source="transforms",
+    )
+
+
+def _describe_lens(camera: str, lens: FoundLens) -> Diagnostic:
+    return Diagnostic(
+        Severity.INFO,
+        "focal_length_from_walkers",
+        f"focal length from the people who walk: {lens.intrinsics.fx_px:.0f} ± {lens.std_px:.0f} px "
+        "(one standard error); square pixels, the principal point in the middle and no distortion "
+        "are assumed. Lens data in a camera file would be surer",
+        camera=camera,
+    )
+
+
+def _describe(camera: str, plane: GroundPlane, report: WalkersReport) -> Diagnostic:
+    edges = f"; {report.uprights} upright edges agree" if report.uprights else ""
+    return Diagnostic(
+        Severity.INFO,
+        "pose_from_walkers",
+        f"pose from {report.people} people: height {plane.camera_height_m:.2f} ± "
+        f"{report.camera_height_std_m:.2f} m, tilt {math.degrees(plane.tilt_rad):.2f} ± "
+        f"{math.degrees(report.tilt_std_rad):.2f} degrees, roll {math.degrees(plane.roll_rad):.2f} ± "
+        f"{math.degrees(report.roll_std_rad):.2f} degrees (one standard error); heads lie within "
+        f"{report.residual_px:.1f} px of the fit{edges}",
+        camera=camera,
+    )

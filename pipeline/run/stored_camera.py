@@ -1,0 +1,57 @@
+"""One camera of a stored recording: its row, and its tracks as they are read from the store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pipeline.calibrate.walkers.sample import MIN_OBSERVATIONS, spread_people
+from pipeline.core.records import FloatArray, GroundPlane
+from pipeline.estimate.estimate_tracks import measured_of
+from pipeline.estimate.track_batches import Tracks
+from pipeline.estimate.types import Measured
+from pipeline.store.database import Store
+
+
+@dataclass(slots=True)
+class StoredCamera:
+    """One camera of a stored recording."""
+
+    store: Store
+    recording_id: str
+    row: Mapping[str, Any]  # of the table `cameras`
+    plane: GroundPlane | None = None
+
+    def measured(self, tracks: Tracks) -> Measured:
+        """Read tracks, and what else is in their frames."""
+        own, others = self.store.observed(
+            self.recording_id, self.row["camera"], tracks.track_id.tolist(), tracks.frames
+        )
+        return measured_of(own, self.row, self.plane, others)
+
+    def people(self, tracks: pa.Table, besides: Sequence[int] = ()) -> Measured | None:
+        """Read the tracks that tell the pose, None if nobody is there.
+
+        Args:
+            tracks: the camera's rows of `Store.tracks_of`, for the class of those who walk.
+            besides: tracks that are read whatever they tell.
+        """
+        people = tracks.filter(pc.greater(tracks["class_count"], 0)).sort_by("first_of_class")
+        if not people.num_rows:
+            return None
+        long = people.filter(pc.greater_equal(people["class_count"], MIN_OBSERVATIONS))
+        some = long if long.num_rows else people
+        ids = np.union1d(spread_people(some["track_id"].to_numpy()), np.array(besides, np.int64))
+        return self.measured(Tracks.of(people.filter(pc.is_in(people["track_id"], pa.array(ids)))))
+
+
+def lines_of(edges: pa.Table, camera: str) -> FloatArray:
+    """Return a camera's rows of the table `background_lines` as x0 y0 x1 y1, (n, 4)."""
+    mine = edges.filter(pc.equal(edges["camera"], camera))
+    names = ("x0_px", "y0_px", "x1_px", "y1_px")
+    return np.stack([mine[n].to_numpy() for n in names], axis=1).astype(np.float64)
