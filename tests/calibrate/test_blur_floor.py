@@ -6,7 +6,7 @@ import pytest
 from pipeline.calibrate.blur_floor import BlurFloor, calibrate_blur_floor, combined
 from pipeline.core.config import CameraConfig, Config
 from pipeline.core.errors import CalibrationUndetermined
-from tests.estimate.test_defocus import by_blur, observed
+from tests.estimate.methods.test_defocus import by_blur, observed
 
 SWEEP = np.array([1.8, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0])
 UNKNOWN = np.full(7, np.nan)

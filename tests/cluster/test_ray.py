@@ -21,7 +21,7 @@ from pipeline.cluster.shared_run import run_shared  # noqa: E402
 from pipeline.core.errors import StadimeterError  # noqa: E402
 from pipeline.store.parquet import open_shared  # noqa: E402
 from tests.cluster.test_split import write_crossings  # noqa: E402
-from tests.test_run import LEVEL, write_people  # noqa: E402
+from tests.run.test_recordings import LEVEL, write_people  # noqa: E402
 
 pytestmark = pytest.mark.slow
 

@@ -20,7 +20,7 @@ from pipeline.mcap_file.writer import (
     timestamp,
 )
 from schemas.stadimeter_pb2 import CameraExposure, Detections, GroundTruth
-from tests.test_run import CAMERA, INTRINSICS, START_NS, jpeg
+from tests.run.test_recordings import CAMERA, INTRINSICS, START_NS, jpeg
 
 
 def write_crossings(path: Path, seconds: int, *, named: bool = False) -> None:

@@ -19,7 +19,7 @@ from pipeline.ingest.pairing import Lane
 from pipeline.mcap_file.reader import McapFile
 from pipeline.mcap_file.writer import RecordingWriter, image_message, timestamp
 from schemas.stadimeter_pb2 import CameraExposure, Detections, GroundTruth
-from tests.ingest.decode.test_exif import photo
+from tests.images.test_exif import photo
 
 START_NS = 1_700_000_000_000_000_000
 MS = 1_000_000

@@ -17,7 +17,7 @@ from pipeline.ingest import survey as survey_module
 from pipeline.ingest.survey import survey
 from pipeline.mcap_file.writer import image_message, timestamp
 from pipeline.summary import print_survey
-from tests.damage import SmallChunks
+from tests.support.damage import SmallChunks
 
 START_NS, FRAME_NS, COUNT = 10**18, 40_000_000, 60
 

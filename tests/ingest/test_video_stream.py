@@ -19,7 +19,7 @@ from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.video_stream import Out, Times, VideoStream, is_key_frame
 from pipeline.mcap_file.reader import McapFile
 from pipeline.mcap_file.writer import timestamp
-from tests.damage import SmallChunks, flipped
+from tests.support.damage import SmallChunks, flipped
 
 COUNT, KEY_EVERY, STEP = 40, 10, 6
 WITHOUT_B = {

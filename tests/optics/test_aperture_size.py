@@ -16,7 +16,7 @@ from pipeline.optics.aperture_size import (
     interpolate_k,
 )
 from pipeline.optics.object_size import depth_from_size_m, size_on_sensor_mm
-from tests.paper import DEPTH_ROWS, FOCAL_LENGTH_MM, PIXEL_PITCH_UM, row_id, rows
+from tests.support.paper import DEPTH_ROWS, FOCAL_LENGTH_MM, PIXEL_PITCH_UM, row_id, rows
 
 # Table 4 rows 4 and 5 contradict their own columns; two rows of Table 5 used another k.
 WRONG = {("4", "4"), ("4", "5")}

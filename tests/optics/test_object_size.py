@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.optics import object_size as size
-from tests.paper import (
+from tests.support.paper import (
     CONSISTENT_HEIGHTS,
     DEPTH_ROWS,
     FOCAL_LENGTH_MM,

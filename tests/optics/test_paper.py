@@ -18,7 +18,7 @@ from pipeline.optics.object_size import (
     height_exact_m,
     size_on_sensor_mm,
 )
-from tests.paper import (
+from tests.support.paper import (
     CONSISTENT_HEIGHTS,
     DEPTH_ROWS,
     FOCAL_LENGTH_MM,
