@@ -21,7 +21,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import ive
 
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.measure.blur.edge_spread import Widths, fitted, in_stored_pixels, widths_of
 from pipeline.measure.blur.edges import REACH_PX, Edges
 

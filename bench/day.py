@@ -17,8 +17,9 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.cli.console import out, print_rows
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import Config, load_config
-from pipeline.core.records import CAMERAS, OBSERVATIONS, FloatArray
+from pipeline.core.tables import CAMERAS, OBSERVATIONS
 from pipeline.core.timing import Spent, Stopwatch
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recordings import describe, library_versions
@@ -138,7 +139,7 @@ def _track_rows(observations: pa.Table) -> pa.Table:
     )
     first, last = grouped["frame_index_min"].to_numpy(), grouped["frame_index_max"].to_numpy()
     n = len(first)
-    from pipeline.core.records import TRACKS
+    from pipeline.core.tables import TRACKS
 
     return as_table(
         {
@@ -157,7 +158,7 @@ def _track_rows(observations: pa.Table) -> pa.Table:
 
 
 def _frame_rows(rng: np.random.Generator, first: int, end: int) -> pa.Table:
-    from pipeline.core.records import FRAMES
+    from pipeline.core.tables import FRAMES
 
     n = end - first
     index = np.arange(first, end)

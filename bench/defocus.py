@@ -22,9 +22,11 @@ import numpy as np
 
 from bench.blur_estimators import ESTIMATORS
 from pipeline.cli.console import out, print_rows
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Dimension, Method
 from pipeline.core.config import Config, SizePrior
 from pipeline.core.lens import Lens
-from pipeline.core.records import Boxes, Dimension, FloatArray, Intrinsics, Method
+from pipeline.core.records import Boxes, Intrinsics
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.fusion import fused
 from pipeline.estimate.methods import defocus, size

@@ -17,8 +17,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.cli.console import out, print_rows
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import ADULT
-from pipeline.core.records import FloatArray
 from pipeline.estimate.methods.defocus import FOCUS_STD, FOCUS_ZERO_STD_PER_M, LENS_STD, RESOLVED
 from pipeline.measure.blur.expected import FLOOR_PX, FLOOR_STD_PX
 from pipeline.optics.defocus import diffraction_sigma_um, radius_per_dioptre_um

@@ -23,7 +23,7 @@ from pipeline.calibrate.truth.fit import (
     predict_held_out,
 )
 from pipeline.calibrate.truth.regression import k_folds, rmse
-from pipeline.core.records import Dimension
+from pipeline.core.calibration import Dimension
 from pipeline.optics.aperture_size import TABLE_8, depth_eq16_m
 from pipeline.optics.object_size import depth_inverse_model_m, height_eq14_m, height_exact_m
 

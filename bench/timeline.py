@@ -21,7 +21,7 @@ from dashboards.timeline.split import write_timelines
 from dashboards.timeline.writer import write_timeline
 from pipeline.cli.console import out, print_rows
 from pipeline.core.config import Config, TimelineConfig
-from pipeline.core.records import (
+from pipeline.core.tables import (
     CAMERAS,
     DIAGNOSTICS,
     ESTIMATES,

@@ -24,9 +24,11 @@ import numpy as np
 from pipeline.calibrate.walkers.focal_length import calibrate_lens_from_walkers
 from pipeline.calibrate.walkers.pose import calibrate_from_walkers
 from pipeline.cli.console import out, print_rows
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Method
 from pipeline.core.config import ADULT, POPULATION_MEAN_STD_M, Config
 from pipeline.core.errors import CalibrationUndetermined
-from pipeline.core.records import FloatArray, GroundPlane, Intrinsics, Method
+from pipeline.core.records import GroundPlane, Intrinsics
 from pipeline.estimate.boxes.quality import assess
 from pipeline.estimate.boxes.reach import with_reach
 from pipeline.estimate.estimate_tracks import fuse

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.core.records import IntArray, Method
+from pipeline.core.arrays import IntArray
+from pipeline.core.calibration import Method
 
 Colours = npt.NDArray[np.uint8]
 

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from pipeline.cli.console import err, out, print_rows, safe
+from pipeline.core.calibration import Calibration
 from pipeline.core.errors import CalibrationUndetermined
-from pipeline.core.records import Calibration, Pairing, Severity
+from pipeline.core.records import Pairing, Severity
 from pipeline.ingest.survey import CameraSurvey, Survey
 from pipeline.run.recordings import RunResult
 from pipeline.store.database import Store

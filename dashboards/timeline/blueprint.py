@@ -32,7 +32,7 @@ from dashboards.timeline.names import path, title
 from dashboards.timeline.scene import TRAILS, Pose, lens_known
 from dashboards.timeline.slots import SLOTS
 from dashboards.timeline.stream import ELAPSED, FRAME, TIME
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 
 APPLICATION = "stadimeter"
 # Spacings of the grid on the ground, in metres; about ten lines to what is seen.

@@ -14,7 +14,7 @@ import pyarrow.compute as pc
 from dashboards.style import METHOD_ORDER, NEUTRAL, Colours, slot_colours
 from dashboards.timeline.layout import screen_scale
 from dashboards.timeline.slots import slots
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 
 BoolArray = npt.NDArray[np.bool_]
 # An object of which so much is covered counts as hidden where nothing better is known.

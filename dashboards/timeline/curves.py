@@ -13,7 +13,7 @@ from dashboards.timeline.columns import BEST, BoolArray, CameraRows, Estimates, 
 from dashboards.timeline.names import path, title
 from dashboards.timeline.slots import LONGEST_GAP_FRAMES, slot_names, slots
 from dashboards.timeline.stream import send_rows
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 
 QUANTITIES = {"depth": "m", "height": "m"}
 # Truth is a thin line: what is compared with it must be seen below it.

@@ -15,7 +15,7 @@ from dashboards.timeline.columns import CameraRows
 from dashboards.timeline.names import markdown
 from dashboards.timeline.slots import SLOTS
 from pipeline import __version__
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 
 MAX_ROWS = 200
 TEXT_COLUMNS = ("camera", "class", "method")

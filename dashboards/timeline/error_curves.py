@@ -14,7 +14,7 @@ from dashboards.timeline.columns import CameraRows, Estimates, estimates_by
 from dashboards.timeline.lanes import log_marks
 from dashboards.timeline.names import path, title
 from dashboards.timeline.stream import clocks, send_rows
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 
 WORST = 10
 # Two of the worst are two findings if they are of two objects, or so many frames apart.

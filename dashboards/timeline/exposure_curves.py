@@ -9,7 +9,7 @@ from dashboards.style import PALETTE
 from dashboards.timeline.columns import Frames, floats
 from dashboards.timeline.names import path
 from dashboards.timeline.stream import send_rows
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 
 # What each curve shows, in the order of the panels: title with its unit, and its scale.
 EXPOSURE = {

@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 
 from dashboards.style import Z_95
 from dashboards.timeline.columns import BoolArray, CameraRows
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 
 LINE_PX, CHARACTER_PX, MARGIN_PX = 15.0, 7.0, 8.0
 LINES = 2

@@ -20,7 +20,7 @@ from dashboards.timeline.columns import CameraRows, Frames
 from dashboards.timeline.names import path, title
 from dashboards.timeline.slots import SLOTS
 from dashboards.timeline.stream import clocks
-from pipeline.core.records import IntArray
+from pipeline.core.arrays import IntArray
 
 SEEN, HIDDEN, PREDICTED = range(3)
 STATES = ("", " hidden", " predicted")

@@ -12,7 +12,7 @@ import rerun as rr
 from dashboards.timeline.columns import CameraRows
 from dashboards.timeline.names import visible
 from dashboards.timeline.stream import clocks
-from pipeline.core.records import IntArray
+from pipeline.core.arrays import IntArray
 
 LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 

@@ -10,7 +10,7 @@ from dashboards.timeline.columns import CameraRows
 from dashboards.timeline.labels import placed_labels
 from dashboards.timeline.names import path
 from dashboards.timeline.stream import send_sets
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 
 # Our (0, 0) is the middle of the first pixel, Rerun's is its corner.
 CORNER_PX = 0.5

@@ -21,7 +21,7 @@ from dashboards.timeline.columns import BoolArray, CameraRows
 from dashboards.timeline.names import path
 from dashboards.timeline.slots import LONGEST_GAP_FRAMES
 from dashboards.timeline.stream import send_sets
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 
 # A trail fades in steps: the same line in three entities, each showing an age, in frames, and dimmer.
 TRAILS = {"recent": (0, 30, 1.0), "older": (30, 75, 0.6), "oldest": (75, 150, 0.3)}

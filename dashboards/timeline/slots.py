@@ -12,7 +12,7 @@ from collections import defaultdict
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.core.records import IntArray
+from pipeline.core.arrays import IntArray
 
 # As many as there are colours to tell apart: the palette and its lighter tints.
 SLOTS = 14

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from dashboards.timeline.columns import Frames
-from pipeline.core.records import IntArray
+from pipeline.core.arrays import IntArray
 
 # The number of the frame within its camera, when it was taken, and how long after the recording's
 # start that was: the clock that recordings of different days share.

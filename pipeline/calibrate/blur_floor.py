@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import CameraConfig
 from pipeline.core.errors import CalibrationUndetermined
-from pipeline.core.records import FloatArray
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods.defocus import LENS_STD, BlurVariance, focus_std_per_m
 from pipeline.estimate.methods.defocus_sweep import LEAST_STD_PX, solve

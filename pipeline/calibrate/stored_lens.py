@@ -8,8 +8,9 @@ from typing import Any
 
 from pipeline.calibrate.camera_entry import is_unsure
 from pipeline.core.config import CameraConfig
+from pipeline.core.exposure import Exposure
 from pipeline.core.lens import intrinsics_of, lens_of
-from pipeline.core.records import Exposure, FoundLens, GroundPlane
+from pipeline.core.records import FoundLens, GroundPlane
 
 _NO_LENS = dict.fromkeys(
     ("fx_px", "fy_px", "cx_px", "cy_px", "distortion_model", "distortion", "focal_std_px")

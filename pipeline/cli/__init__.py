@@ -396,8 +396,8 @@ def _add_calibrate(commands: Commands[argparse.ArgumentParser]) -> None:
 
 def _calibrate(arguments: argparse.Namespace) -> int:
     from pipeline.cli.console import out, progress_lines, safe
+    from pipeline.core.calibration import Method
     from pipeline.core.config import load_config
-    from pipeline.core.records import Method
     from pipeline.run.calibration import (
         TruthOptions,
         calibrate_stored_blur,

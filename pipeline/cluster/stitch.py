@@ -18,8 +18,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.cluster.split import Window
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import TrackConfig
-from pipeline.core.records import CAMERAS, DIAGNOSTICS, GROUND_TRUTH, PASS_ONE, TRACKS, FloatArray
+from pipeline.core.tables import CAMERAS, DIAGNOSTICS, GROUND_TRUTH, PASS_ONE, TRACKS
 from pipeline.store.parquet_parts import PartWriter
 
 # Boxes of one object in one frame, found twice, share nearly all of their area.

@@ -11,9 +11,9 @@ from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.core.calibration import Calibration
 from pipeline.core.config import CameraConfig, Config, load_config
 from pipeline.core.errors import UsageError, Where
-from pipeline.core.records import Calibration
 
 # What tells one entry of an array of tables from another: a new one replaces the old one.
 _KEYS: Mapping[str, tuple[str, ...]] = {

@@ -28,8 +28,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from pipeline.core.arrays import NAN
+from pipeline.core.calibration import Calibration, Dimension
 from pipeline.core.errors import UsageError, Where
-from pipeline.core.records import NAN, Calibration, Dimension
 
 # A hand-held EXIF clock ticks in whole seconds, a camera driver in microseconds; half a frame
 # period at 25 frames/s is the longest time over which an exposure still belongs to one frame only.

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pyarrow as pa
 
-from pipeline.core.records import DIAGNOSTICS, Diagnostic, Severity
+from pipeline.core.records import Diagnostic, Severity
+from pipeline.core.tables import DIAGNOSTICS
 
 # Different messages that one recording may leave; a damaged file must not fill the memory.
 MAX_KINDS = 10_000

@@ -4,8 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, fields
 
-from pipeline.core.records import EXPOSURE_FIELDS, NAN, Exposure
+from pipeline.core.arrays import NAN
+
+
+@dataclass(frozen=True, slots=True)
+class Exposure:
+    """Lens and exposure settings of one frame, in the units of `stadimeter.CameraExposure`."""
+
+    exposure_time_s: float = NAN
+    f_number: float = NAN
+    iso_speed: float = NAN
+    exposure_bias_ev: float = NAN
+    focal_length_mm: float = NAN
+    focus_distance_m: float = NAN
+    gain_db: float = NAN
+    digital_zoom_ratio: float = NAN
+    pixel_pitch_x_um: float = NAN
+    pixel_pitch_y_um: float = NAN
+    sensor_width_px: float = NAN
+    sensor_height_px: float = NAN
+
+
+UNKNOWN_EXPOSURE = Exposure()
+
+EXPOSURE_FIELDS = tuple(f.name for f in fields(Exposure))
 
 INFINITE_FOCUS_EXIF = float(0xFFFFFFFF)  # EXIF 2.32 SubjectDistance: infinity
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from pipeline.core.arrays import NAN
 from pipeline.core.config import CameraConfig
-from pipeline.core.records import NAN, Exposure, Intrinsics
+from pipeline.core.exposure import Exposure
+from pipeline.core.records import Intrinsics
 
 # A picture that was scaled keeps its aspect ratio to within the rounding of its sides.
 ASPECT_TOLERANCE = 0.01

@@ -11,9 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import CameraConfig
 from pipeline.core.errors import UsageError
-from pipeline.core.records import Boxes, Expected, FloatArray, Frame
+from pipeline.core.records import Boxes, Expected, Frame
 from pipeline.images.decode import Picture, relative_luminance_of
 
 # The border of the region that is taken to be background, as a share of its side.

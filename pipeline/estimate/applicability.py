@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pipeline.core.calibration import Calibration, Method
 from pipeline.core.config import Config
-from pipeline.core.records import Calibration, Diagnostic, Method, Severity
+from pipeline.core.records import Diagnostic, Severity
 from pipeline.estimate.methods.scaling import calibrations_for
 from pipeline.estimate.types import Estimated, Measured
 

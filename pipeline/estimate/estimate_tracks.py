@@ -10,20 +10,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute
 
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Calibration, Method
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
-from pipeline.core.records import (
-    CALIBRATIONS,
-    ESTIMATES,
-    OBSERVATION_QUALITY,
-    TRACK_HEIGHTS,
-    Calibration,
-    Diagnostic,
-    FloatArray,
-    GroundPlane,
-    Intrinsics,
-    Method,
-)
+from pipeline.core.records import Diagnostic, GroundPlane, Intrinsics
+from pipeline.core.tables import CALIBRATIONS, ESTIMATES, OBSERVATION_QUALITY, TRACK_HEIGHTS
 from pipeline.estimate.applicability import Classes, not_applicable, outside_calibration
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import Quality, assess, with_track

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from pipeline.core.records import IntArray
+from pipeline.core.arrays import IntArray
 
 
 @dataclass(frozen=True, slots=True)

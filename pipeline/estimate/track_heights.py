@@ -9,8 +9,10 @@ import numpy.typing as npt
 import pandas as pd
 import pyarrow as pa
 
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Dimension, Method
 from pipeline.core.config import SizePrior
-from pipeline.core.records import TRACK_HEIGHTS, Dimension, FloatArray, Method
+from pipeline.core.tables import TRACK_HEIGHTS
 from pipeline.estimate.boxes.error_correlation import independent_share
 from pipeline.estimate.gait import WALKER
 from pipeline.estimate.types import Estimated, Measured

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.core.records import NAN, FloatArray, GroundPlane, IntArray, Intrinsics
+from pipeline.core.arrays import NAN, FloatArray, IntArray
+from pipeline.core.records import GroundPlane, Intrinsics
 
 TextArray = npt.NDArray[np.object_]
 BoolArray = npt.NDArray[np.bool_]

@@ -13,8 +13,8 @@ import struct
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from pipeline.core.exposure import INFINITE_FOCUS_EXIF, check_exposure
-from pipeline.core.records import NAN, Exposure
+from pipeline.core.arrays import NAN
+from pipeline.core.exposure import INFINITE_FOCUS_EXIF, Exposure, check_exposure
 
 Value = float | str
 Tags = Mapping[str, Value]

@@ -18,8 +18,8 @@ import numpy as np
 
 from pipeline.core.config import CameraConfig, Config
 from pipeline.core.errors import StadimeterError, UsageError, Where
+from pipeline.core.exposure import Exposure
 from pipeline.core.lens import intrinsics_of, lens_of
-from pipeline.core.records import Exposure
 from pipeline.images.exif import Tags, exif_block, exposure_of, read_tags
 from pipeline.images.header import image_size
 from pipeline.images.raw import KEPT_QUALITY

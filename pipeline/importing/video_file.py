@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from pipeline.core.config import CameraConfig
 from pipeline.core.errors import StadimeterError, UsageError, Where
+from pipeline.core.exposure import UNKNOWN_EXPOSURE
 from pipeline.core.lens import fit_to_picture, intrinsics_of, lens_of
-from pipeline.core.records import UNKNOWN_EXPOSURE
 from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,

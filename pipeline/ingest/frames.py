@@ -15,16 +15,8 @@ from typing import Any
 from pipeline.core.config import CameraConfig, IngestConfig
 from pipeline.core.diagnostics import Notes
 from pipeline.core.errors import MissingLibrary, UndecodableImage, UnsupportedChannel
-from pipeline.core.records import (
-    EXPOSURE_FIELDS,
-    UNKNOWN_EXPOSURE,
-    Diagnostic,
-    Exposure,
-    Frame,
-    Pairing,
-    RawLayout,
-    Severity,
-)
+from pipeline.core.exposure import EXPOSURE_FIELDS, UNKNOWN_EXPOSURE, Exposure
+from pipeline.core.records import Diagnostic, Frame, Pairing, RawLayout, Severity
 from pipeline.images.exif import exif_block, exposure_of, read_tags
 from pipeline.images.header import image_size
 from pipeline.images.raw import has_wide_samples, samples

@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from pipeline.core.exposure import check_exposure
-from pipeline.core.records import EXPOSURE_FIELDS, Exposure
+from pipeline.core.exposure import EXPOSURE_FIELDS, Exposure, check_exposure
 from pipeline.ingest.pairing import Lane, Paired
 from pipeline.ingest.sources import Source
 from pipeline.mcap_file.reader import MAX_TIME_NS, RawMessage

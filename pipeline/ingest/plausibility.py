@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.core.records import NAN, Boxes, Intrinsics, TrueObject
+from pipeline.core.arrays import NAN
+from pipeline.core.records import Boxes, Intrinsics, TrueObject
 from pipeline.mcap_file.reader import MAX_TIME_NS
 from pipeline.messages.content import Decoded, Payload
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
-from pipeline.core.records import EXPOSURE_FIELDS, Exposure, Frame, Intrinsics, Pairing
+from pipeline.core.exposure import EXPOSURE_FIELDS, Exposure
+from pipeline.core.records import Frame, Intrinsics, Pairing
 from pipeline.images.header import image_size
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.pose import CameraPose

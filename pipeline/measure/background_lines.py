@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pyarrow as pa
 
-from pipeline.core.records import BACKGROUND_LINES, FloatArray
+from pipeline.core.arrays import FloatArray
+from pipeline.core.tables import BACKGROUND_LINES
 from pipeline.images.decode import Image, Picture
 
 KEPT = 15  # pictures, of which a median is taken: nobody stands at one place in eight of them

@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline.core.records import NAN, OBSERVATIONS, Boxes, FloatArray, Frame, IntArray
+from pipeline.core.arrays import NAN, FloatArray, IntArray
+from pipeline.core.records import Boxes, Frame
+from pipeline.core.tables import OBSERVATIONS
 from pipeline.images.decode import Picture, relative_luminance_of
 from pipeline.measure.blur.widths import Blur
 

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.records import NAN, Boxes
+from pipeline.core.arrays import NAN
+from pipeline.core.records import Boxes
 from pipeline.messages.content import Decoded
 from pipeline.messages.tree import (
     Tree,

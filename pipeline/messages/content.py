@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from pipeline.core.records import Boxes, Exposure, Intrinsics, RawLayout, TrueObject
+from pipeline.core.exposure import Exposure
+from pipeline.core.records import Boxes, Intrinsics, RawLayout, TrueObject
 from pipeline.messages.tree import Tree
 
 

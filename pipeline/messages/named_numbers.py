@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.core.arrays import NAN
 from pipeline.core.config import CameraConfig, ExposureFields
 from pipeline.core.errors import UsageError
-from pipeline.core.records import NAN
 from pipeline.messages.tree import Tree, as_number
 
 _SPEC = re.compile(r"^(?P<path>\S+?)(?:\s+(?P<unit>\S+))?$")

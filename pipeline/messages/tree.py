@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.core.records import NAN
+from pipeline.core.arrays import NAN
 
 Tree = Mapping[str, Any]
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from pipeline.core.records import NAN, TrueObject
+from pipeline.core.arrays import NAN
+from pipeline.core.records import TrueObject
 from pipeline.messages.boxes import edges, is_box
 from pipeline.messages.content import Decoded
 from pipeline.messages.tree import Tree, child, children, frame_id_of, number, text, time_of

@@ -21,7 +21,7 @@ from multiprocessing.reduction import ForkingPickler
 from typing import Any, Protocol
 
 from pipeline.core.errors import StadimeterError
-from pipeline.lifeline import die_with_parent
+from pipeline.parallel.lifeline import die_with_parent
 
 # A task whose machine dies is begun again elsewhere; one that kills whatever it runs on is given up.
 RETRIES = 3

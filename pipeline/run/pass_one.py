@@ -17,21 +17,14 @@ import cv2
 import numpy as np
 import pyarrow as pa
 
+from pipeline.core.arrays import BoolArray
 from pipeline.core.config import Config, Limits
 from pipeline.core.diagnostics import Notes, diagnostics_table
 from pipeline.core.errors import UndecodableImage
 from pipeline.core.lens import Lens, intrinsics_of, lens_of
 from pipeline.core.progress import Progress, Report, silent
-from pipeline.core.records import (
-    CAMERAS,
-    FRAMES,
-    GROUND_TRUTH,
-    BoolArray,
-    Diagnostic,
-    Frame,
-    Intrinsics,
-    Severity,
-)
+from pipeline.core.records import Diagnostic, Frame, Intrinsics, Severity
+from pipeline.core.tables import CAMERAS, FRAMES, GROUND_TRUTH
 from pipeline.core.timing import NOTHING, Spent, StageTimes, Stopwatch
 from pipeline.detect import Detector, make_detector
 from pipeline.images.decode import Picture, decode

@@ -19,9 +19,10 @@ from pipeline.calibrate.camera_entry import given_pose
 from pipeline.calibrate.stored_lens import known_lens, with_doubt, with_found
 from pipeline.calibrate.walkers.pose import WalkersReport
 from pipeline.calibrate.walkers.pose_and_lens import calibrate_stored
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import Config
 from pipeline.core.errors import CalibrationUndetermined
-from pipeline.core.records import Diagnostic, FloatArray, FoundLens, GroundPlane, Severity
+from pipeline.core.records import Diagnostic, FoundLens, GroundPlane, Severity
 from pipeline.estimate.estimate_tracks import Rows, Said, camera_blur, estimate_tracks
 from pipeline.estimate.track_batches import Tracks
 from pipeline.run.exposure_notes import exposure_notes

@@ -11,7 +11,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.calibrate.walkers.sample import MIN_OBSERVATIONS, spread_people
-from pipeline.core.records import FloatArray, GroundPlane
+from pipeline.core.arrays import FloatArray
+from pipeline.core.records import GroundPlane
 from pipeline.estimate.estimate_tracks import measured_of
 from pipeline.estimate.track_batches import Tracks
 from pipeline.estimate.types import Measured

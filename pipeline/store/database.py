@@ -22,7 +22,8 @@ import pyarrow as pa
 
 from pipeline.core.diagnostics import diagnostics_table
 from pipeline.core.errors import StoreError, UsageError, Where
-from pipeline.core.records import PASS_ONE, PASS_TWO, Diagnostic, GroundPlane
+from pipeline.core.records import Diagnostic, GroundPlane
+from pipeline.core.tables import PASS_ONE, PASS_TWO
 from pipeline.store.catalog import View, views
 from pipeline.store.connection import connect
 from pipeline.store.exposure_rows import exposure_verdicts

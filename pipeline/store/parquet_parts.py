@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.core.errors import StoreError, Where
-from pipeline.core.records import PASS_ONE
+from pipeline.core.tables import PASS_ONE
 
 # Rows that go to the disk together: each piece costs the file, and who writes or reads it, 10 kB of
 # description.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 
 # Lengths in the filter are relative to the object's own height, so that near and far people, and
 # large and small pictures, are treated alike.

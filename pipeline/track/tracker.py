@@ -13,8 +13,10 @@ import numpy.typing as npt
 import pyarrow as pa
 from scipy.optimize import linear_sum_assignment
 
+from pipeline.core.arrays import FloatArray, IntArray
 from pipeline.core.config import TrackConfig
-from pipeline.core.records import TRACKS, Boxes, Expected, FloatArray, IntArray
+from pipeline.core.records import Boxes, Expected
+from pipeline.core.tables import TRACKS
 from pipeline.track.kalman import Filters
 
 # Chi-squared, 4 degrees of freedom, 99.9 %: further apart is another object.

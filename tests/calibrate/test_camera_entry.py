@@ -10,10 +10,12 @@ import pytest
 
 from pipeline.calibrate.camera_entry import as_given, given_pose
 from pipeline.calibrate.stored_lens import known_lens
+from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_file import write_camera_file
 from pipeline.core.config import CameraConfig, Config, load_config
 from pipeline.core.errors import UsageError
-from pipeline.core.records import CAMERAS, FloatArray, FoundLens, GroundPlane, Intrinsics
+from pipeline.core.records import FoundLens, GroundPlane, Intrinsics
+from pipeline.core.tables import CAMERAS
 
 LENS = FoundLens(Intrinsics(640, 480, 700.0, 700.0, 319.5, 239.5), 70.0)
 BARE = dict.fromkeys(CAMERAS.names) | {"camera": "yard", "width_px": 640, "height_px": 480}

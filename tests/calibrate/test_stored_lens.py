@@ -8,7 +8,8 @@ import pytest
 
 from pipeline.calibrate.stored_lens import known_lens, with_found
 from pipeline.core.config import CameraConfig
-from pipeline.core.records import CAMERAS, FoundLens, Intrinsics
+from pipeline.core.records import FoundLens, Intrinsics
+from pipeline.core.tables import CAMERAS
 
 BARE = dict.fromkeys(CAMERAS.names) | {"camera": "a", "width_px": 640, "height_px": 480}
 FOUND = FoundLens(Intrinsics(640, 480, 700.0, 700.0, 319.5, 239.5), 30.0)

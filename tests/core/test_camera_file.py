@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pipeline.core.calibration import Calibration, Dimension, Method, Parameter
 from pipeline.core.camera_file import merge, write_camera_file
 from pipeline.core.config import (
     ADULT,
@@ -20,7 +21,6 @@ from pipeline.core.config import (
     load_config,
 )
 from pipeline.core.errors import UsageError
-from pipeline.core.records import Calibration, Dimension, Method, Parameter
 
 finite = st.floats(allow_nan=False)
 unknown = st.one_of(st.just(float("nan")), finite)

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from pipeline.core.records import CAMERAS, FRAMES, OBSERVATIONS, GroundPlane, Intrinsics
+from pipeline.core.records import GroundPlane, Intrinsics
+from pipeline.core.tables import CAMERAS, FRAMES, OBSERVATIONS
 from pipeline.estimate.types import Measured
 from pipeline.optics.ground_plane import project_person
 from pipeline.optics.pinhole import PinholeCamera

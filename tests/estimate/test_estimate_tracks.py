@@ -4,17 +4,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from pipeline.core.calibration import Calibration, Dimension, Method, Parameter
 from pipeline.core.config import ADULT, Config, SizePrior
-from pipeline.core.records import (
-    CALIBRATIONS,
-    ESTIMATES,
-    TRACK_HEIGHTS,
-    Calibration,
-    Dimension,
-    GroundPlane,
-    Method,
-    Parameter,
-)
+from pipeline.core.records import GroundPlane
+from pipeline.core.tables import CALIBRATIONS, ESTIMATES, TRACK_HEIGHTS
 from pipeline.estimate.estimate_tracks import calibrations_table, estimate
 from pipeline.estimate.gait import GAIT_DROP_M
 from tests.estimate.scenes import lens, outlined, people, tables

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.core.calibration import Method
 from pipeline.core.config import ADULT
-from pipeline.core.records import Method
 from pipeline.estimate.track_heights import track_heights
 from pipeline.estimate.types import Estimated, Measured
 

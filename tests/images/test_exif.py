@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from pipeline.core.records import Exposure
+from pipeline.core.exposure import Exposure
 from pipeline.images.exif import exif_block, exposure_of, read_tags
 
 SIZE = (600, 400)

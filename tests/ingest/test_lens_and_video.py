@@ -11,8 +11,9 @@ import pytest
 
 from pipeline.core.config import CameraConfig, Config
 from pipeline.core.errors import UsageError
+from pipeline.core.exposure import UNKNOWN_EXPOSURE
 from pipeline.core.lens import fit_to_picture, intrinsics_of, lens_of
-from pipeline.core.records import UNKNOWN_EXPOSURE, Intrinsics
+from pipeline.core.records import Intrinsics
 from pipeline.importing.video_file import UnreadableVideo, VideoImport, import_video
 from pipeline.ingest.survey import survey
 

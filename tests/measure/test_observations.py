@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.records import OBSERVATIONS, Boxes
+from pipeline.core.records import Boxes
+from pipeline.core.tables import OBSERVATIONS
 from pipeline.images.decode import Picture
 from pipeline.measure.observations import Seen, luminance_inside, observe
 from tests.support.footage import frame

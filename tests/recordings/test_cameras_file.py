@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.core.calibration import Dimension, Method
 from pipeline.core.config import load_config
-from pipeline.core.records import Dimension, Method
 from recordings.fit_staff import B0_M, B1_M_MM, consistent_rows, figures
 from tests.recordings.conftest import RECORDINGS
 

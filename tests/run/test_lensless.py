@@ -9,7 +9,7 @@ import pytest
 
 from bench.walkers import HEIGHT_PX, WIDTH_PX, scene
 from pipeline.core.config import Config, load_config
-from pipeline.core.records import OBSERVATIONS
+from pipeline.core.tables import OBSERVATIONS
 from pipeline.run.calibration import Found, calibrate_stored_walkers
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recordings import describe

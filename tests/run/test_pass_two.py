@@ -10,7 +10,7 @@ import pytest
 
 from bench.day import CAMERA_FILE, FOCAL_PX, START_NS, walkers
 from pipeline.core.config import Config, load_config
-from pipeline.core.records import OBSERVATIONS
+from pipeline.core.tables import OBSERVATIONS
 from pipeline.measure.blur.expected import FLOOR_PX
 from pipeline.optics.defocus import diffraction_sigma_um, dioptres, radius_per_dioptre_um
 from pipeline.run.pass_two import estimate_recording
@@ -135,7 +135,7 @@ def write(folder: Path) -> None:
 
 def full(table: str, columns: dict[str, object]) -> object:
     """Return rows of a table of pass 1; what is not said is null."""
-    from pipeline.core.records import PASS_ONE
+    from pipeline.core.tables import PASS_ONE
 
     names = PASS_ONE[table].names
     n = len(next(iter(columns.values())))  # type: ignore[arg-type]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from pipeline.core.records import CALIBRATIONS, ESTIMATES, OBSERVATION_QUALITY, TRACK_HEIGHTS
+from pipeline.core.tables import CALIBRATIONS, ESTIMATES, OBSERVATION_QUALITY, TRACK_HEIGHTS
 from pipeline.run.exposure_notes import exposure_notes
 from pipeline.store.database import Store
 from pipeline.store.exposure_rows import exposure_verdicts

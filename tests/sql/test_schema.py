@@ -8,7 +8,7 @@ from importlib.resources import files
 import pyarrow as pa
 import pytest
 
-from pipeline.core.records import PASS_ONE, PASS_TWO
+from pipeline.core.tables import PASS_ONE, PASS_TWO
 from pipeline.store.database import Store
 from pipeline.store.schema import view_scripts
 

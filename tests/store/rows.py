@@ -10,7 +10,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.core.records import CALIBRATIONS, ESTIMATES, PASS_ONE, TRACK_HEIGHTS
+from pipeline.core.tables import CALIBRATIONS, ESTIMATES, PASS_ONE, TRACK_HEIGHTS
 from pipeline.store.database import RecordingRow, Store
 
 Columns = Mapping[str, Sequence[Any]]

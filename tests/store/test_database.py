@@ -9,7 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.core.errors import StoreError, UsageError
-from pipeline.core.records import PASS_ONE, Diagnostic, Severity
+from pipeline.core.records import Diagnostic, Severity
+from pipeline.core.tables import PASS_ONE
 from pipeline.store.database import RECORDING_TABLES, Store
 from tests.store.rows import estimate, ingest, recording, start, table, write_parts
 

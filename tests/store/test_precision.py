@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.core.records import PASS_ONE, PASS_TWO
+from pipeline.core.tables import PASS_ONE, PASS_TWO
 from pipeline.store.database import Store
 from pipeline.store.precision import DECIMALS, kept
 from tests.store.rows import estimate, ingest, recording, start

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.core.records import UNKNOWN_EXPOSURE, Frame, Pairing
+from pipeline.core.exposure import UNKNOWN_EXPOSURE
+from pipeline.core.records import Frame, Pairing
 from pipeline.images.decode import Picture, decode
 
 WIDTH_PX, HEIGHT_PX = 640, 480

@@ -27,16 +27,10 @@ from pipeline.calibrate.truth.regression import (
     leave_one_out,
     rmse,
 )
+from pipeline.core.arrays import FloatArray, IntArray
+from pipeline.core.calibration import Calibration, Dimension, Method, Parameter
 from pipeline.core.config import SizePrior
 from pipeline.core.errors import CalibrationUndetermined
-from pipeline.core.records import (
-    Calibration,
-    Dimension,
-    FloatArray,
-    IntArray,
-    Method,
-    Parameter,
-)
 from pipeline.optics.aperture_size import K_BOUNDS, equivalent_object_size_m
 from pipeline.optics.thin_lens import image_distance_mm
 

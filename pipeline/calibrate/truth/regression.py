@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 
 Rows = npt.NDArray[np.bool_]
 # Fits to a mask of rows, and gives what predicts a mask of rows.

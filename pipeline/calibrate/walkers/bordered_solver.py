@@ -16,7 +16,7 @@ from scipy.optimize import OptimizeResult
 from scipy.sparse import csr_matrix
 
 from pipeline.calibrate.walkers.model import PEOPLE, Sample
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.optics.arrays import quiet
 
 ROBUST = 1.5  # deviations beyond which a residual counts less than its square, by `soft_l1`

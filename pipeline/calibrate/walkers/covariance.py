@@ -23,7 +23,7 @@ from scipy.optimize import OptimizeResult
 
 from pipeline.calibrate.walkers.bordered_solver import Bordered, by_person, inverse_of, robust_pull
 from pipeline.calibrate.walkers.model import ABOVE, PEOPLE, ROLL, TILT, Sample, Scale, residuals
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.estimate.boxes.error_correlation import BOX_COMMON_STD
 
 # Residuals do not show what a track's boxes have in common, so for the variance that follows from the

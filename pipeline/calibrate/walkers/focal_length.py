@@ -53,9 +53,10 @@ from pipeline.calibrate.walkers.pose import (
 )
 from pipeline.calibrate.walkers.sample import chosen_tracks, only, sample_of
 from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS, Uprights
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import SizePrior
 from pipeline.core.errors import CalibrationUndetermined
-from pipeline.core.records import FloatArray, FoundLens, GroundPlane, Intrinsics
+from pipeline.core.records import FoundLens, GroundPlane, Intrinsics
 from pipeline.estimate.types import Measured
 
 # Fixed cameras are sold with lenses of 2.1 to 12 mm before sensors 4.8 to 5.6 mm wide (1/3" to 1/2.7"):

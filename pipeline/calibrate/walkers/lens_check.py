@@ -21,7 +21,8 @@ from pipeline.calibrate.walkers.focal_length import MODEL_STD, free_focal
 from pipeline.calibrate.walkers.model import ABOVE, ROLL, TILT
 from pipeline.calibrate.walkers.pace import pace_of
 from pipeline.calibrate.walkers.pose import Fitted
-from pipeline.core.records import Diagnostic, FloatArray, GroundPlane, Severity
+from pipeline.core.arrays import FloatArray
+from pipeline.core.records import Diagnostic, GroundPlane, Severity
 
 # Of 48 rendered cameras with the right lens, by true boxes and by found ones, one is farther off: by bad
 # boxes. A focal length that is twice as long is told of a quarter of `bench.walkers`' cameras with 20

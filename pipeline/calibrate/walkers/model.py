@@ -21,7 +21,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
 from pipeline.calibrate.walkers.upright_edges import Uprights
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.optics.ground_plane import (
     depth_jacobian,
     foot_depth_m,

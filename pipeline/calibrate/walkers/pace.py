@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy.optimize import OptimizeResult
 
 from pipeline.calibrate.walkers.model import ABOVE, ROLL, TILT, Sample
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.optics.ground_plane import foot_depth_m, ground_position_m, remove_roll
 
 # Pedestrians on the level walk at 1.34 m/s with a deviation of 0.26 (Weidmann 1993, Transporttechnik der

@@ -35,9 +35,10 @@ from pipeline.calibrate.walkers.model import (
 )
 from pipeline.calibrate.walkers.sample import chosen_tracks, only, sample_of
 from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS, Uprights, find_uprights
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import SizePrior
 from pipeline.core.errors import CalibrationUndetermined
-from pipeline.core.records import FloatArray, GroundPlane
+from pipeline.core.records import GroundPlane
 from pipeline.estimate.types import Measured
 from pipeline.optics.ground_plane import foot_depth_m, height_m, remove_roll
 from pipeline.optics.silhouette import per_stature

@@ -10,8 +10,9 @@ from pipeline.calibrate.walkers.focal_length import calibrate_lens_from_walkers
 from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, Known
 from pipeline.calibrate.walkers.lens_check import DOUBTFUL, LensCheck, check_lens
 from pipeline.calibrate.walkers.pose import WalkersReport, fit_walkers
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import SizePrior
-from pipeline.core.records import FloatArray, FoundLens, GroundPlane
+from pipeline.core.records import FoundLens, GroundPlane
 from pipeline.estimate.types import Measured
 
 

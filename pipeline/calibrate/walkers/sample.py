@@ -10,8 +10,9 @@ import pandas as pd
 
 from pipeline.calibrate.walkers.known_lengths import Known
 from pipeline.calibrate.walkers.model import Sample
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import SizePrior
-from pipeline.core.records import FloatArray, GroundPlane
+from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.error_correlation import CORRELATION_S, independent_share
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import assess

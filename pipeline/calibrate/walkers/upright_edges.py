@@ -19,7 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.core.records import FloatArray, Intrinsics
+from pipeline.core.arrays import FloatArray
+from pipeline.core.records import Intrinsics
 from pipeline.estimate.boxes.geometry import camera_of
 
 END_STD_PX = 0.5  # of an edge's ends, across

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.core.records import BoolArray
+from pipeline.core.arrays import BoolArray
 from pipeline.detect.motion.person_scale import BoxArray, PersonScale
 from pipeline.detect.motion.predicted_people import SIDE, Known, Place, place
 from pipeline.images.decode import Image

@@ -12,7 +12,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 
 BoxArray = npt.NDArray[np.intp]
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.core.records import BoolArray, FloatArray
+from pipeline.core.arrays import BoolArray, FloatArray
 from pipeline.images.decode import Image
 
 # Shares of the height. Half of the body's width, which is taken for theirs; how far beside it their feet

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import DetectConfig
 from pipeline.core.errors import StadimeterError, UnusableModel, UsageError, Where
-from pipeline.core.records import Boxes, Expected, FloatArray, Frame
+from pipeline.core.records import Boxes, Expected, Frame
 from pipeline.detect.network.backends import Backend, dtype_of, make_backend
 from pipeline.detect.network.coco import COCO, COCO_WITH_GAPS
 from pipeline.detect.network.input import fill, normalised, place

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.images.decode import Image
 
 PAD_LEVEL = 114  # the grey with which YOLO networks are trained to see nothing

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pipeline.core.arrays import FloatArray
 from pipeline.core.errors import UnusableModel
-from pipeline.core.records import FloatArray
 from pipeline.detect.network.input import Fit, Normalisation
 
 Array = npt.NDArray[np.generic]

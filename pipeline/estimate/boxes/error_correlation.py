@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.estimate.types import Measured
 
 # Boxes repeat their error for as long as a pose is held, about half a step, and a detector's for as long

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.estimate.types import Measured
 
 # Adults take 1.5 to 2.5 steps a second (Whittle, Gait Analysis: 91-138 steps a minute at free speed).

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.core.records import FloatArray, Intrinsics
+from pipeline.core.arrays import FloatArray
+from pipeline.core.records import Intrinsics
 from pipeline.estimate.boxes.scatter import Scatter
 from pipeline.estimate.types import BoolArray, Measured
 from pipeline.optics.distortion import check_distortion

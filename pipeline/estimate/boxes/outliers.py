@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.estimate.types import BoolArray, Measured
 
 SAMPLE = 41  # observations of a track, spread over it, that the line is found from

@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.core.records import OBSERVATION_QUALITY, FloatArray
+from pipeline.core.arrays import FloatArray
+from pipeline.core.tables import OBSERVATION_QUALITY
 from pipeline.estimate.boxes.error_correlation import independent_share
 from pipeline.estimate.boxes.gait_phase import stride_phase_rad
 from pipeline.estimate.boxes.outliers import height_off_px

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from pipeline.core.records import FloatArray, GroundPlane
+from pipeline.core.arrays import FloatArray
+from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.error_correlation import independent_share
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.fusion.smoother import smooth_tracks

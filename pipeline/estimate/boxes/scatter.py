@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.estimate.boxes.error_correlation import CORRELATION_S
 from pipeline.estimate.gait import GAIT_STD_M
 from pipeline.estimate.types import Estimated, Measured

@@ -21,7 +21,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pipeline.core.records import FloatArray, GroundPlane, Method
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Method
+from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.error_correlation import independent_share, interval_s
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import AgainstTrack, Quality, against_track

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from pipeline.core.records import FloatArray, GroundPlane
+from pipeline.core.arrays import FloatArray
+from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import AgainstTrack
 from pipeline.estimate.fusion.kalman import ACCELERATION_DENSITY, SPEED_STD_M_S

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 
 # A walker sets off, stops or turns within about a second: a change of speed of 0.7 m/s in one second,
 # as a random walk of the velocity.

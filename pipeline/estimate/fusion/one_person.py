@@ -15,8 +15,9 @@ import numpy as np
 import pandas as pd
 from scipy.special import ndtr
 
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Dimension
 from pipeline.core.config import SizePrior
-from pipeline.core.records import Dimension, FloatArray
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import AgainstTrack
 from pipeline.estimate.gait import GAIT_DROP_M

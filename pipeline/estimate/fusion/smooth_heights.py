@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.core.records import FloatArray
+from pipeline.core.arrays import FloatArray
 from pipeline.estimate.boxes.error_correlation import independent_share
 from pipeline.estimate.fusion.smoother import smooth_tracks
 from pipeline.estimate.types import Estimated, Measured

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 from pipeline.estimate.fusion.kalman import Steps, smoothed
 
 SAYS_NOTHING_M2 = 1e30  # variance of what is not known: its gain is nought to all digits

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.core.calibration import Method
 from pipeline.core.config import Config
-from pipeline.core.records import Method
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods.scaling import (
     Depths,

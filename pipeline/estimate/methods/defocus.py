@@ -19,8 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Method
 from pipeline.core.config import CameraConfig, Config
-from pipeline.core.records import Diagnostic, FloatArray, Method, Severity
+from pipeline.core.records import Diagnostic, Severity
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods.defocus_branch import Sides, choose
 from pipeline.estimate.methods.defocus_sweep import Floor, Sweeps, solve

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.core.records import FloatArray, IntArray, Method
+from pipeline.core.arrays import FloatArray, IntArray
+from pipeline.core.calibration import Method
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.types import BoolArray, Estimated
 from pipeline.optics.defocus import dioptres

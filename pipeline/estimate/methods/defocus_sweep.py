@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.core.records import FloatArray, IntArray
+from pipeline.core.arrays import FloatArray, IntArray
 from pipeline.estimate.types import Measured
 
 # An object stands still while its box moves and grows by no more than this share of its size: twice

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Calibration, Dimension, Method
 from pipeline.core.config import Config
-from pipeline.core.records import Calibration, Dimension, FloatArray, GroundPlane, Method
+from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.types import BoolArray, Estimated
 from pipeline.optics.ground_plane import ground_position_m, height_m, range_m

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Calibration, Dimension, Method
 from pipeline.core.config import Config, SizePrior
-from pipeline.core.records import Calibration, Dimension, FloatArray, Method
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods.scaling import (
     Depths,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from pipeline.core.records import BoolArray, FloatArray, IntArray
+from pipeline.core.arrays import BoolArray, FloatArray, IntArray
 from pipeline.measure.blur.edges import REACH_PX, Edges
 from pipeline.optics.defocus import edge_spread
 

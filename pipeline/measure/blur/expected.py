@@ -12,9 +12,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Dimension, Method
 from pipeline.core.config import CameraConfig, Config
 from pipeline.core.lens import Lens
-from pipeline.core.records import Dimension, FloatArray, Method
 from pipeline.optics.defocus import (
     diffraction_sigma_um,
     dioptres,

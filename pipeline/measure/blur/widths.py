@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.core.arrays import NAN, FloatArray
 from pipeline.core.config import Config
 from pipeline.core.errors import UndecodableImage
 from pipeline.core.lens import Lens
-from pipeline.core.records import NAN, Boxes, FloatArray
+from pipeline.core.records import Boxes
 from pipeline.images.decode import Image, Picture
 from pipeline.measure.blur.edge_spread import Widths, widths_of
 from pipeline.measure.blur.edges import CELL_PX, MAX_LEVELS, MIN_SIDE_PX, REACH_PX, edges_of

@@ -16,8 +16,8 @@ from pipeline.calibrate.truth.fit import (
     says_nothing,
     size_priors_from_truth,
 )
+from pipeline.core.calibration import Dimension, Method
 from pipeline.core.errors import CalibrationUndetermined
-from pipeline.core.records import Dimension, Method
 from pipeline.optics.thin_lens import image_distance_mm
 
 PAPER = Path(__file__).parents[3] / "recordings" / "paper"

@@ -6,8 +6,8 @@ import pytest
 
 from pipeline.calibrate.truth.fit import calibrate_from_truth
 from pipeline.calibrate.truth.table import truth_table
+from pipeline.core.calibration import Method
 from pipeline.core.config import Config
-from pipeline.core.records import Method
 from pipeline.estimate.estimate_tracks import estimate
 from tests.estimate.scenes import lens, tables
 

@@ -14,8 +14,8 @@ from pipeline.calibrate.walkers.model import TILT
 from pipeline.calibrate.walkers.pose import Fitted, best_fit, fit_walkers
 from pipeline.calibrate.walkers.sample import only
 from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import ADULT
-from pipeline.core.records import FloatArray
 
 
 def fitted(seed: int, people: int = 10) -> Fitted:

@@ -13,7 +13,8 @@ from pipeline.calibrate.walkers.lens_check import LensCheck, check_lens
 from pipeline.calibrate.walkers.pose import fit_walkers
 from pipeline.calibrate.walkers.pose_and_lens import calibrate_stored
 from pipeline.core.config import ADULT
-from pipeline.core.records import CAMERAS, GroundPlane, Intrinsics, Severity
+from pipeline.core.records import GroundPlane, Intrinsics, Severity
+from pipeline.core.tables import CAMERAS
 
 ROW = dict.fromkeys(CAMERAS.names) | {"camera": "mast", "width_px": 1280, "height_px": 720}
 

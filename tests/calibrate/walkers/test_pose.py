@@ -12,9 +12,10 @@ import pytest
 from bench.walkers import Scene, scene, score
 from pipeline.calibrate.walkers.known_lengths import Known, KnownDistance, KnownHeight
 from pipeline.calibrate.walkers.pose import MIN_PEOPLE, calibrate_from_walkers
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import ADULT, POPULATION_MEAN_STD_M
 from pipeline.core.errors import CalibrationUndetermined, UsageError
-from pipeline.core.records import FloatArray, GroundPlane
+from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.optics.ground_plane import depth_jacobian, foot_depth_m, project_person
 

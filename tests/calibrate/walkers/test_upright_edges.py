@@ -10,8 +10,9 @@ import pytest
 from bench.walkers import scene
 from pipeline.calibrate.walkers.pose import calibrate_from_walkers
 from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS, find_uprights
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import ADULT
-from pipeline.core.records import FloatArray, GroundPlane, Intrinsics
+from pipeline.core.records import GroundPlane, Intrinsics
 from pipeline.estimate.boxes.geometry import camera_of
 from pipeline.optics.ground_plane import (
     foot_depth_m,

@@ -11,7 +11,7 @@ import pytest
 from dashboards.timeline.columns import CameraRows, camera_rows
 from dashboards.timeline.error_curves import APART_FRAMES, WORST, errors_of, worst_errors
 from dashboards.timeline.lanes import HIDDEN, PREDICTED, SEEN, _covered, track_states
-from pipeline.core.records import CAMERAS, ESTIMATES, FRAMES, GROUND_TRUTH, OBSERVATIONS
+from pipeline.core.tables import CAMERAS, ESTIMATES, FRAMES, GROUND_TRUTH, OBSERVATIONS
 
 END = -1
 FRAME_COUNT = 60

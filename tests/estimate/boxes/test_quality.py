@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.core.records import OBSERVATION_QUALITY, GroundPlane
+from pipeline.core.records import GroundPlane
+from pipeline.core.tables import OBSERVATION_QUALITY
 from pipeline.estimate.boxes.gait_phase import stride_phase_rad
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import assess, with_track

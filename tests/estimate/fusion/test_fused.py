@@ -10,9 +10,10 @@ import pytest
 
 from bench.walkers import scene, score
 from pipeline.calibrate.walkers.pose import calibrate_from_walkers
+from pipeline.core.calibration import Method
 from pipeline.core.config import ADULT
 from pipeline.core.errors import CalibrationUndetermined
-from pipeline.core.records import GroundPlane, Method
+from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.fusion import fused
 from pipeline.estimate.gait import GAIT_DROP_M

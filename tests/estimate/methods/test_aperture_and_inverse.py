@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.core.calibration import Calibration, Dimension, Method, Parameter
 from pipeline.core.config import Config, EstimateConfig
-from pipeline.core.records import Calibration, Dimension, Method, Parameter
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods import aperture, inverse
 from pipeline.optics.aperture_size import TABLE_8

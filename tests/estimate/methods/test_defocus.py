@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.core.calibration import Dimension, Method
 from pipeline.core.config import CameraConfig, Config, SizePrior
-from pipeline.core.records import Dimension, Intrinsics, Method
+from pipeline.core.records import Intrinsics
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.estimate_tracks import METHODS, fused
 from pipeline.estimate.methods import defocus, size

@@ -7,15 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.core.calibration import Calibration, Dimension, Method, Parameter
 from pipeline.core.config import ADULT, CameraConfig, Config, SizePrior
-from pipeline.core.records import (
-    Calibration,
-    Dimension,
-    GroundPlane,
-    Intrinsics,
-    Method,
-    Parameter,
-)
+from pipeline.core.records import GroundPlane, Intrinsics
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods import size
 from tests.estimate.scenes import VGA, lens, measured, people
