@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.core.calibration import Calibration
-from pipeline.core.config import CameraConfig, Config, load_config
+from pipeline.core.config import CameraConfig, Config, read_config
 from pipeline.core.errors import UsageError, Where
 
 # What tells one entry of an array of tables from another: a new one replaces the old one.
@@ -25,7 +25,7 @@ _HEADER = re.compile(r"^\s*\[\[?\s*([A-Za-z0-9_-]+)", re.MULTILINE)
 
 
 def write_camera_file(path: Path, config: Config) -> None:
-    """Write a configuration so that `load_config` reads it back, keeping what the file had.
+    """Write a configuration so that `read_config` reads it back, keeping what the file had.
 
     What `config` leaves at its default stays as it is in an existing file; of cameras, priors and
     calibrations, those of the same name, class, dimension or method are replaced and the others
@@ -36,7 +36,7 @@ def write_camera_file(path: Path, config: Config) -> None:
             must be known is NaN.
     """
     exists = path.exists()
-    old = load_config(path) if exists else Config()
+    old = read_config(path) if exists else Config()
     merged = merge(old, config) if exists else config
     texts = [to_toml(merged)]
     if exists:
@@ -59,7 +59,7 @@ def write_camera_file(path: Path, config: Config) -> None:
 def _reads_as(path: Path, config: Config) -> bool:
     """Whether a file says what it should: unusual text may not be cut at its headers."""
     try:
-        return repr(load_config(path)) == repr(config)
+        return repr(read_config(path)) == repr(config)
     except UsageError:
         return False
 

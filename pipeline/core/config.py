@@ -31,6 +31,7 @@ from typing import Any
 from pipeline.core.arrays import NAN
 from pipeline.core.calibration import Calibration, Dimension
 from pipeline.core.errors import UsageError, Where
+from pipeline.core.setting_bounds import impossible_settings
 
 # A hand-held EXIF clock ticks in whole seconds, a camera driver in microseconds; half a frame
 # period at 25 frames/s is the longest time over which an exposure still belongs to one frame only.
@@ -261,13 +262,38 @@ class Config:
 
 
 def load_config(path: Path | None) -> Config:
-    """Read a `camera.toml`; None gives the defaults.
+    """Read a `camera.toml` and refuse what cannot be; None gives the defaults.
+
+    Raises:
+        UsageError: the file cannot be read, holds a key or value that means nothing here, or says
+            something impossible.
+    """
+    if path is None:
+        return Config()
+    config = read_config(path)
+    refuse_impossible_settings(config, path)
+    return config
+
+
+def refuse_impossible_settings(config: Config, path: Path | None = None) -> None:
+    """Check every setting against its bounds (`pipeline.core.setting_bounds`).
+
+    Raises:
+        UsageError: names the keys that are impossible, and what would be possible.
+    """
+    problems = impossible_settings(config)
+    if problems:
+        raise UsageError(
+            "; ".join(problems), where=Where(path), remedy="Correct or remove these settings"
+        )
+
+
+def read_config(path: Path) -> Config:
+    """Read a `camera.toml` as it is, without a look at its numbers.
 
     Raises:
         UsageError: the file cannot be read, or holds a key or value that means nothing here.
     """
-    if path is None:
-        return Config()
     try:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -19,6 +19,7 @@ from pipeline.core.config import (
     SizePrior,
     TrackConfig,
     load_config,
+    read_config,
 )
 from pipeline.core.errors import UsageError
 
@@ -84,10 +85,10 @@ def test_what_is_written_is_read_back(tmp_path: Path, config: Config):
     path = tmp_path / "camera.toml"
     path.unlink(missing_ok=True)
     write_camera_file(path, config)
-    read = load_config(path)
+    read = read_config(path)
     assert repr(read) == repr(config)
     write_camera_file(path, read)
-    assert repr(load_config(path)) == repr(read)
+    assert repr(read_config(path)) == repr(read)
     assert list(tmp_path.iterdir()) == [path]
 
 
