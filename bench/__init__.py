@@ -1,1 +1,1 @@
-"""Claims about speed, memory and accuracy, each with the code that measures it (`make bench`)."""
+"""Benchmarks: the code that measures each claim about speed, memory and accuracy (`make bench`)."""

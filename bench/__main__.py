@@ -1,4 +1,4 @@
-"""`make bench`: everything that is claimed, measured in one run."""
+"""`make bench`: every claim, measured in one run."""
 
 from bench import (
     boxes,

@@ -1,4 +1,4 @@
-"""Published ways to tell the blur of an edge, in the same pyramid, beside the one that is used.
+"""Published estimators of the blur of an edge, in the same pyramid, beside the one that is used.
 
 All get the same edges, those that the fit takes for steps, and give sigma in the pixels of their level;
 how edges are combined is the same for all too. So nothing but the estimators is compared: alone, a ratio

@@ -1,4 +1,4 @@
-"""How tight the motion detector's boxes are: each edge against true silhouettes, on simulated cameras.
+"""Tightness of the motion detector's boxes: each edge against true silhouettes, on simulated cameras.
 
 Pass 1 alone works each recording. A box and a silhouette are one when they share enough; a box that
 holds two people is a merged one, one that holds a piece of somebody a part. Edges are judged where the
@@ -55,7 +55,7 @@ TALL_PX = ((0, 45), (45, 90), (90, 4000))
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What came of one camera."""
+    """Result of one camera."""
 
     seed: int
     edges: pd.DataFrame  # a row a matched, wholly visible silhouette
@@ -64,7 +64,7 @@ class Result:
 
 
 def settings_of(seed: int) -> Settings:
-    """Return what the camera of a seed is asked to be."""
+    """Return the settings of the camera of a seed."""
     plain = LARGE if seed % 3 == 2 else SMALL
     return Settings(
         seed, plain.duration_s, plain.frame_rate, plain.width_px, plain.height_px, plain.people
@@ -168,7 +168,7 @@ def _shared(a: Floats, b: Floats) -> Floats:
 
 
 def main() -> None:
-    """Print what comes of some cameras."""
+    """Print the results of some cameras."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--cameras", type=int, default=4)
     parser.add_argument("--workers", type=int, default=multiprocessing.cpu_count())
@@ -190,7 +190,7 @@ def main() -> None:
 
 
 def print_counts(results: list[Result]) -> None:
-    """Print what the boxes show."""
+    """Print how many boxes hold one person, several, or a part of one."""
     counts = {k: sum(r.counts[k] for r in results) for k in results[0].counts}
     boxes = max(counts["boxes"], 1)
     shares = {k: 100 * counts[k] / boxes for k in ("one", "several", "part", "nobody")}

@@ -1,4 +1,4 @@
-"""What many machines cost: a task's overhead, two workers beside one, and a question over many parts.
+"""Cost of many machines: a task's overhead, two workers beside one, and a query over many parts.
 
 The figures are those of the model in docs/scale.md.
 """

@@ -47,7 +47,7 @@ BINS_M = (0.5, 1.0, 1.5, 2.5, 5.0)
 
 @dataclass(slots=True)
 class Row:
-    """What came of one shot."""
+    """Result of one shot."""
 
     shot: Shot
     true_sigma_px: float

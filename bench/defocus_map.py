@@ -1,4 +1,4 @@
-"""Where depth from defocus is surer than a size prior, and where it is useless, as a figure.
+"""A map of the depths at which defocus is more precise than a size prior, and at which it is useless.
 
     python -m bench.defocus_map -o docs/defocus.png
 

@@ -1,4 +1,4 @@
-"""Footage to measure speed and memory on.
+"""Footage on which speed and memory are measured.
 
 `street`, enlarged and played to and fro; and recordings of any length with people in boxes, whose
 pictures are small and grey, so that an hour of rows can be worked without an hour of pixels.

@@ -1,4 +1,4 @@
-"""What might still explain the paper's rows: models of the lens and of the crop, each with its fit.
+"""Models of the lens and of the crop that might explain the rest of the paper's errors, each fitted.
 
 All give depth_m from the size on the sensor o_mm, the f-number n and coefficients b; f = 50 mm. W is
 the object's size in metres where it is the first coefficient.

@@ -1,4 +1,4 @@
-"""Whether memory is flat in the length of a recording: the peak of whole processes."""
+"""Peak memory of whole processes for recordings of several lengths: it should not grow."""
 
 from __future__ import annotations
 

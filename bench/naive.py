@@ -1,4 +1,4 @@
-"""The script that a user would write instead: what stadimeter's speed is held against.
+"""A script that a user would write instead; stadimeter's speed is compared with it.
 
 An mcap reader, imdecode, MOG2 at full size, connected components, per-object Python, a data frame,
 and executemany.

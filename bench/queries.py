@@ -1,4 +1,4 @@
-"""How long the accuracy views and the report take over ten million estimates with truth."""
+"""Time that the accuracy views and the report take over ten million estimates with truth."""
 
 from __future__ import annotations
 

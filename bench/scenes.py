@@ -97,7 +97,7 @@ WHERE run_id = ? AND method = ? AND matched_count >= ?
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What came of one camera, with one kind of boxes and one origin of the pose."""
+    """Scores of one camera, with one kind of boxes and one origin of the pose."""
 
     relative: Floats  # depth errors over true depths
     depth_z: Floats  # depth errors in stated standard deviations
@@ -108,7 +108,7 @@ class Score:
 
 @dataclass(slots=True)
 class Result:
-    """What came of one camera."""
+    """Results of one camera."""
 
     seed: int
     view: View
@@ -203,7 +203,7 @@ def _describe(store: Store, result: Result, detector: str) -> None:
 
 
 def main() -> None:
-    """Print what comes of many cameras."""
+    """Print the results of many cameras."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--cameras", type=int, default=100)
     parser.add_argument("--workers", type=int, default=multiprocessing.cpu_count())

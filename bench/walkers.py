@@ -1,4 +1,4 @@
-"""The pose from walkers, and what it makes of depth and height, on simulated cameras with truth.
+"""Pose from walkers, and the depths and heights that follow, on simulated cameras with truth.
 
     python -m bench.walkers --cameras 100
 
@@ -222,7 +222,7 @@ def _outline(
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What came out of one camera by one method: errors, relative and in standard deviations."""
+    """Errors of one camera by one method, relative and in standard deviations."""
 
     depth_relative: float  # median
     depth_relative_rms: float

@@ -1,4 +1,4 @@
-"""What cutting a long recording changes: the same footage whole, and in windows stitched together.
+"""Effect of cutting a long recording: the same footage whole, and in windows stitched together.
 
 Real people (`recordings/street.mcap`), played to and fro; the motion detector, which learns from what it
 sees, is the hard case. With recorded detections or a network the boxes are the same by construction.

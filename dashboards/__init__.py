@@ -1,1 +1,1 @@
-"""What people look at: the Rerun timeline of a recording."""
+"""Dashboards: the Rerun timeline of a recording, the accuracy report, and the review of recordings."""

@@ -1,1 +1,1 @@
-"""Fuzzing: bytes that nobody would write, in search of what only an attacker or a bad disk makes."""
+"""Fuzzing: damaged and hostile bytes given to the readers, in search of crashes and endless work."""

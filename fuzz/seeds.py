@@ -1,4 +1,4 @@
-"""Good inputs to start from, for each target."""
+"""Valid inputs to start from, for each target."""
 
 from __future__ import annotations
 

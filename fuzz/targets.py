@@ -1,4 +1,4 @@
-"""What is fuzzed. Each target takes bytes; the only exceptions that it lets pass are bugs."""
+"""Fuzz targets. Each takes bytes; an exception that it lets pass is a bug."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class Shot:
 
     @property
     def target(self) -> Target:
-        """What is measured."""
+        """The target whose depth is measured."""
         return self.scene.targets[0]
 
 

@@ -1,4 +1,4 @@
-"""What a lens out of focus shows of flat targets before a wall: the thin lens, drawn.
+"""Pictures of flat targets before a wall through a lens out of focus, drawn by the thin-lens model.
 
 Every target is blurred by the disc that its own depth gives it, cover and colour alike, and laid over
 what is behind it: at its outline the picture fades from target to background as widely as the target

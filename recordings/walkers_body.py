@@ -84,7 +84,7 @@ LIMBS: tuple[tuple[str, tuple[str, ...]], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Build:
-    """What tells one body from another."""
+    """Build of a body: the proportions in which one person differs from another."""
 
     height_m: float  # standing, in shoes
     girth: float = 1.0

@@ -1,4 +1,4 @@
-"""Scenes by chance, a seed each: camera, place, crowd.
+"""Random scenes, one for each seed: camera, place, crowd.
 
 The camera is at 2.5-8 m, tilted by 5-45 degrees, with a lens of 4-12 mm; people walk at 4-45 m,
 alone and side by side, straight and on arcs; some stop, some are children, some run, and one sits
@@ -278,7 +278,7 @@ def _random_colours(random: np.random.Generator) -> dict[str, tuple[int, int, in
 
 
 def _free(person: Person, others: list[Person], things: list[Thing]) -> bool:
-    """Whether somebody walks through nobody and nothing."""
+    """Return whether a person's path meets no other person and no thing."""
     at = person.ground_m
     for other in others:
         if (np.hypot(*(at - other.ground_m).T) < APART_M).any():
@@ -287,7 +287,7 @@ def _free(person: Person, others: list[Person], things: list[Thing]) -> bool:
 
 
 def _wholly_seen(view: View, walk: Walk, height_m: float) -> bool:
-    """Whether somebody is wholly in the picture, at depths that count, for long enough."""
+    """Return whether a person is wholly in the picture, at depths that count, for long enough."""
     foot_m, head_m = ends_m(walk, height_m)
     foot, head = view.project(foot_m), view.project(head_m)
     size = np.array([view.width_px, view.height_px])

@@ -1,4 +1,4 @@
-"""A scene of walking people before a fixed camera, and what is true of it at each frame."""
+"""A scene of walking people before a fixed camera, and its ground truth at each frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from recordings.walkers_view import View
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a scene is asked to be."""
+    """Settings of a scene that is to be made."""
 
     seed: int = 0
     duration_s: float = 40.0
@@ -26,7 +26,7 @@ class Settings:
 
     @property
     def frames(self) -> int:
-        """How many frames there are."""
+        """Number of frames."""
         return round(self.duration_s * self.frame_rate)
 
     @property
@@ -52,7 +52,7 @@ class Walk:
 
 @dataclass(frozen=True)
 class Person:
-    """Who walks here, and how they look."""
+    """A person who walks here, and how they look."""
 
     object_id: str
     build: Build
@@ -75,7 +75,7 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class TruePerson:
-    """What is true of one person in one frame."""
+    """Ground truth of one person in one frame."""
 
     person: Person
     x_m: float

@@ -1,4 +1,4 @@
-"""What stands about in a scene: hulls of spheres, like the people, that never move."""
+"""Things in a scene that never move: hulls of spheres, as the people are."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Thing:
         return np.asarray(self._distance_m(ground_m) < self.radius_m + 0.35)
 
     def hides(self, ground_m: Floats) -> bool:
-        """Whether it stands between the camera, at the origin, and a position, (2,)."""
+        """Return whether it stands between the camera, at the origin, and a position, (2,)."""
         if self.axis is None:
             return bool(np.hypot(*ground_m) > np.hypot(*self.place))
         first, second = self.axis

@@ -1,1 +1,1 @@
-"""What crosses a boundary: protobuf messages in recordings, SQL tables and views in the store."""
+"""Formats that other programs see: protobuf messages in recordings, SQL tables and views."""

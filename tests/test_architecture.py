@@ -53,13 +53,27 @@ ALLOWED_ARROWS = {
 ALLOWED_LOOSE = {"summary.py": "pipeline.cli"}  # dissolves into the commands
 # Folders that still have docstrings beginning with a question word: mended with their own changes.
 STILL_ASKING = (
-    "bench/",
-    "dashboards/",
-    "fuzz/",
-    "pipeline/",
-    "recordings/",
-    "schemas/",
-    "tests/",
+    *(
+        f"pipeline/{stage}/"
+        for stage in (
+            "calibrate",
+            "cli",
+            "cluster",
+            "core",
+            "detect",
+            "estimate",
+            "export",
+            "images",
+            "importing",
+            "ingest",
+            "measure",
+            "messages",
+            "run",
+            "store",
+            "track",
+        )
+    ),
+    "pipeline/summary.py",
 )
 
 

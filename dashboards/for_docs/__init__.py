@@ -1,1 +1,1 @@
-"""For_docs."""
+"""Pictures for the documentation."""

@@ -1,1 +1,1 @@
-"""Report."""
+"""The accuracy report: one HTML file, made of a database."""

@@ -1,4 +1,4 @@
-"""The report's charts, in Vega-Lite by way of Altair: rows in, charts out.
+"""Charts of the report, in Vega-Lite, made with Altair: rows in, charts out.
 
 Every chart has a tooltip on each mark; those of single observations can be zoomed and dragged, a
 method can be picked out in their legend, and points that are marked in one show in the others.

@@ -1,4 +1,4 @@
-"""What the report shows, asked of the database in SQL: small tables, however large the database is."""
+"""Rows of the report, read from the database by SQL: small tables, however large the database is."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Review."""
+"""Review of recordings in a Rerun viewer on this machine."""

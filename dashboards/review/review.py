@@ -38,7 +38,7 @@ RERUN = "rerun-sdk==0.41.*"
 
 @dataclass(frozen=True, slots=True)
 class Review:
-    """What to show, and where it opens."""
+    """A request for a review: what to show, and the moment at which it opens."""
 
     recordings: Sequence[str]  # files, file names or ids
     at: str | None = None  # a time, seconds from the start, or #frame

@@ -1,1 +1,1 @@
-"""Timeline."""
+"""The Rerun timeline of recordings."""

@@ -1,4 +1,4 @@
-"""How the timeline opens.
+"""Layout of the timeline when it opens.
 
 The picture and the texts on the left, as wide as the picture needs; on the right, on one time axis,
 the scene, the curves (a tab each method, errors, exposure) and the lanes of states.
@@ -49,7 +49,7 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class CameraView:
-    """What there is to show of one camera."""
+    """Facts of one camera that decide its layout."""
 
     camera: str
     drawn_by: str  # a method, or `best`

@@ -24,7 +24,7 @@ BEST = "best"  # stands for a method where the best of an observation is by one 
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
-    """What is known of each observation, (n,) each; NaN where nothing is."""
+    """Estimates of each observation, (n,) each; NaN where there is none."""
 
     depth_m: FloatArray
     depth_std_m: FloatArray
@@ -136,7 +136,7 @@ class CameraRows:
 
     @property
     def is_series_of_pictures(self) -> bool:
-        """Whether nothing is followed over frames, as in a set of photographs."""
+        """Return whether nothing is followed over frames, as in a set of photographs."""
         return len(self.tracks.track_id) > 1 and bool((self.tracks.observation_count == 1).all())
 
 

@@ -1,4 +1,4 @@
-"""What is written beside each box in the picture, and where, so that labels do not lie on others.
+"""Labels of the boxes in the picture: their text, and places at which they do not cover each other.
 
 A view with more than five labels cuts each at its first line break. So there are none: a label is
 wrapped at its spaces by the width of what it hangs from.

@@ -1,4 +1,4 @@
-"""How a window of 1920x1080 is shared out.
+"""Shares of a window of 1920x1080 that the views take.
 
 Labels keep their size on the screen, so where they collide depends on it; in other windows they only
 sit less well.

@@ -1,4 +1,4 @@
-"""What lies over the camera's picture: boxes in the colour of their track, labels, true boxes."""
+"""Overlay on the camera's picture: boxes in the colour of their track, labels, true boxes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Slots: a few lines that many tracks share, one after another.
+"""Slots: a few lines of a plot that many tracks share, one after another.
 
 Whoever is in the picture at the same time is in different slots; a slot is a line in the plots, a
 lane and a colour. So an hour with thousands of tracks has as many of them as a minute with ten, and

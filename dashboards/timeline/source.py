@@ -1,4 +1,4 @@
-"""What a timeline is made of: the rows of a recording in the database, and the pictures of its file.
+"""Source of a timeline: the rows of a recording in the database, and the pictures of its file.
 
 Of a long recording a span of time is read: its rows by SQL, its pictures by the index of the file.
 """
@@ -168,7 +168,7 @@ def pictures(
 
 
 def _is_plain(summary: Any, topics: set[str]) -> bool:
-    """Whether the pictures are compressed ones, each a message of its own, found by chunk."""
+    """Return whether the pictures are compressed ones, each a message of its own, found by chunk."""
     channels = [c for c in summary.channels.values() if c.topic in topics]
     kinds = {
         (c.message_encoding, summary.schemas[c.schema_id].name)

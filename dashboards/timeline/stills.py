@@ -85,7 +85,7 @@ class _Batch:
 
     @property
     def room(self) -> int:
-        """How many bytes can be added."""
+        """Number of bytes that can still be added."""
         return len(self._memory) - self._ends[-1]
 
     def add(self, row: int, image: bytes | memoryview) -> None:

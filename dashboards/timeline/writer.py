@@ -54,7 +54,7 @@ from pipeline.core.errors import StadimeterError, Where
 
 @dataclass(frozen=True, slots=True)
 class TimelineOptions:
-    """How a timeline is written."""
+    """Options for writing a timeline."""
 
     preview_px: int | None = None  # the longer side of the pictures; None: as they are
     track: int | None = None  # a track that has the plots for itself

@@ -56,7 +56,7 @@ class Topics:
         self._unread_summary = True
 
     def knows(self, channel_id: int) -> bool:
-        """Whether this recording declares a channel, in its data or in its summary."""
+        """Return whether this recording declares a channel, in its data or in its summary."""
         number = channel_id + self.first_id
         return number in self.channels or self.from_summary(number, None) is not None
 
@@ -141,7 +141,7 @@ class Topics:
 
 
 class Statistics(NamedTuple):
-    """What the summary at the end of a file says of the whole of it."""
+    """Statistics of the whole file, from the summary at its end."""
 
     channels: dict[int, ChannelInfo]
     message_counts: dict[int, int]

@@ -1,4 +1,4 @@
-"""What is in a chunk: decompressed no further than it claims, and checked."""
+"""Content of a chunk: decompressed no further than it claims, and checked."""
 
 from __future__ import annotations
 

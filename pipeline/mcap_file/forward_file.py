@@ -45,7 +45,7 @@ class ForwardFile:
 
     @property
     def position(self) -> int:
-        """Where the next read starts."""
+        """Offset at which the next read starts."""
         return self._block_start + self._at
 
     @property

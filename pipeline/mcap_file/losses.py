@@ -1,4 +1,4 @@
-"""What was lost in a file, each loss with its place, its time, and the messages that went with it."""
+"""Losses in a damaged file, each with its place, its time, and the messages that were lost with it."""
 
 from __future__ import annotations
 

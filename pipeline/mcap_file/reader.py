@@ -1,4 +1,4 @@
-"""From the bytes of an MCAP file to its messages, in file order, past whatever is damaged.
+"""Reader from the bytes of an MCAP file to its messages, in file order, past damaged parts.
 
 Evidence must not stop at the first damaged record. So the framing (one byte opcode, eight bytes
 length) is walked here, bounded by the size of the file; where it breaks, the next place at which
@@ -105,7 +105,7 @@ class McapFile:
 
     @property
     def lost_counts(self) -> Counter[int]:
-        """How many messages are known to be lost, by channel."""
+        """Number of messages that are known to be lost, by channel."""
         return self._losses.messages
 
     @property
@@ -402,7 +402,7 @@ class McapFile:
         return True
 
     def _another_follows(self) -> bool:
-        """Whether another recording, or a lost part of this one, follows behind the end."""
+        """Return whether another recording, or a lost part of this one, follows behind the end."""
         source = self._source
         start = source.position
         if start >= source.size:

@@ -1,4 +1,4 @@
-"""The records of an MCAP file as bytes: what each holds, and how long its own fields say it is.
+"""Records of an MCAP file as bytes: their fields, and the length that those fields add up to.
 
 Everything here is bounded by the bytes it is given, so a length that lies is found out before
 memory is taken for it.
@@ -55,7 +55,7 @@ class Malformed(ValueError):
 
 
 class SchemaRecord(NamedTuple):
-    """How messages are written."""
+    """A schema: the format of the messages of a channel."""
 
     id: int
     name: str
@@ -92,7 +92,7 @@ class MetadataRecord(NamedTuple):
 
 
 class Footer(NamedTuple):
-    """Where the summary starts, and its CRC."""
+    """The footer: the offset at which the summary starts, and its CRC."""
 
     summary_start: int
     summary_offset_start: int

@@ -1,4 +1,4 @@
-"""Where the next record starts, after bytes that are none.
+"""Search for the start of the next record, after bytes that are no record.
 
 Nothing marks the start of an MCAP record, so a place is believed when a row of records follows from
 it, each with a known opcode, a length that fits, and fields that fill that length.
@@ -58,7 +58,7 @@ class RecordSearch:
         return None
 
     def starts_record(self, offset: int) -> bool:
-        """Whether a row of records starts here."""
+        """Return whether a row of records starts here."""
         declared: set[int] = set()
         for count in range(_IN_A_ROW):
             if count and (offset == self._size or self._peek(offset, len(MAGIC)) == MAGIC):
@@ -71,7 +71,7 @@ class RecordSearch:
         return True
 
     def leads_on(self, offset: int) -> bool:
-        """Whether records go on here, or the file ends."""
+        """Return whether records go on here, or the file ends."""
         if offset >= self._size:
             return offset == self._size
         return self._peek(offset, len(MAGIC)) == MAGIC or self.starts_record(offset)

@@ -1,4 +1,4 @@
-"""What every function of the optics does alike: float64 arrays, and no warnings about unknowns."""
+"""Conventions of all functions of the optics: float64 arrays, and no warnings about unknowns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The blurred edge: what a lens out of focus makes of a step of light, and what that says of depth.
+"""Model of a blurred edge: the image of a step of light out of focus, and the depth that follows from it.
 
 A point out of focus is a uniform disc of radius r (`thin_lens.blur_radius_um`, the paper's Figs. 2-3).
 Everything else that softens a picture (the pixel's own area, demosaicing, diffraction, aberrations) is

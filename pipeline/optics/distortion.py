@@ -1,4 +1,4 @@
-"""Lens distortion: from ideal normalised points to those that the lens makes of them, and back.
+"""Lens distortion: from ideal normalised points to distorted ones, and back.
 
 The models and the order of their coefficients are OpenCV's, which foxglove and ROS share:
 

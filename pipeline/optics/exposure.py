@@ -1,4 +1,4 @@
-"""Exposure: what the settings of a camera say of the light in the scene (Eq. 15).
+"""Exposure: the light in the scene, from the settings of a camera (Eq. 15).
 
 A setting that is not positive is none: NaN.
 """

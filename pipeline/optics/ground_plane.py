@@ -1,4 +1,4 @@
-"""A camera above flat ground: how far away, how tall, and where is what stands on it.
+"""Geometry of a camera above flat ground: depth, height and position of objects that stand on it.
 
 The camera is at height h_c, its optical axis tilted by t below the horizon and rotated by the roll.
 Coordinates are undistorted and normalised: x right, y down, at unit distance along the axis. Depth

@@ -1,4 +1,4 @@
-"""Depth from a known size, size from a known depth, and how their errors carry over.
+"""Depth from a known size, size from a known depth, and the propagation of their errors.
 
 o size on the sensor, W true size, d depth, f focal length, v image distance, m magnification.
 Standard deviations are to first order, with the errors of what goes in independent.

@@ -1,4 +1,4 @@
-"""From the outline of an upright person to their axis: a body is no line.
+"""Correction from the outline of an upright person to the vertical axis of the body.
 
 The lower end of a silhouette is not below the middle of the body: it is the nearer foot's nearer end,
 in front of it by a share of the stature, the reach. Its upper end is not the crown: seen from above, the

@@ -1,4 +1,4 @@
-"""The thin lens: where it images an object, how large, and how blurred (the paper's Eqs. 1-10).
+"""The thin lens: image distance, magnification and blur of an object (the paper's Eqs. 1-10).
 
 f focal length, s focus distance, v image distance, d depth of the object, a aperture radius,
 N f-number. The sensor stands at v, the image distance of the focus distance.

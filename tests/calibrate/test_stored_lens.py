@@ -1,4 +1,4 @@
-"""Whose word counts for the lens of a stored camera."""
+"""The lens of a stored camera: of several sources, the one that is used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person sees: wide tables on a narrow terminal, and in a log."""
+"""Output for people: wide tables on a narrow terminal, and in a log."""
 
 import pyarrow as pa
 import pytest

@@ -1,4 +1,4 @@
-"""What fuzzing once found, and a little fuzzing: hypothesis on bytes, through the same targets."""
+"""Inputs that fuzzing once found, and a little fuzzing: hypothesis on bytes, through the same targets."""
 
 from __future__ import annotations
 

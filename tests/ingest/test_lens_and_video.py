@@ -1,4 +1,4 @@
-"""What is known of a lens, and a video that becomes a recording."""
+"""Lens data from recording and camera file, and a video that becomes a recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `inspect` tells, and that a large recording is not read whole for it."""
+"""The output of `inspect`; a large recording is not read whole for it."""
 
 from __future__ import annotations
 

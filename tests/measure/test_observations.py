@@ -1,4 +1,4 @@
-"""What is kept of each box: cut sides, what hides it, its brightness."""
+"""Columns kept of each box: cut sides, the object that hides it, its brightness."""
 
 from __future__ import annotations
 

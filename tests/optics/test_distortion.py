@@ -184,7 +184,7 @@ def test_no_finite_coefficients_break_it(d):
 
 @given(st.floats(-0.9, 0.9), st.floats(-0.9, 0.9))
 def test_every_answer_is_right(x, y):
-    """Where an inverse is given, bending it again gives the point, for all models."""
+    """The inverse, distorted again, gives the point: for all models, wherever there is an inverse."""
     for d in BROWN:
         xy = undistort([x, y], "rational_polynomial", d)
         if np.isfinite(xy).all():

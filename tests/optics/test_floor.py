@@ -1,4 +1,4 @@
-"""What holds for every function of the optics, those to come included."""
+"""Properties of every function of the optics, later ones included."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the paper's rows say when they are worked through: its k, its accuracy, its slips.
+"""The paper's rows, computed again: its k, its accuracy, its errors.
 
 The rows one by one are in test_aperture_size.py and test_object_size.py.
 """

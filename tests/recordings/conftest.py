@@ -20,7 +20,7 @@ RECORDINGS = Path(__file__).parents[2] / "recordings"
 
 @dataclass
 class Contents:
-    """What is in an MCAP file: messages by the name of their schema."""
+    """Contents of an MCAP file: messages by the name of their schema."""
 
     messages: dict[str, list[Any]] = field(default_factory=lambda: defaultdict(list))
     log_times_ns: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))

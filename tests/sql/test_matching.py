@@ -1,4 +1,4 @@
-"""Which observation is which true object."""
+"""Matching of observations with true objects."""
 
 from __future__ import annotations
 

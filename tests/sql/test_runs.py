@@ -1,4 +1,4 @@
-"""Which run counts, and whether one is better than another."""
+"""The run that counts, and the comparison of two runs."""
 
 from __future__ import annotations
 

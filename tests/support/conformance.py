@@ -25,7 +25,7 @@ DATA_END = 15
 
 @dataclass(frozen=True)
 class Features:
-    """What a writer may do or leave."""
+    """Options of a writer."""
 
     chunks: bool
     message_index: bool
@@ -53,7 +53,7 @@ def every_combination() -> Iterator[Features]:
 
 @dataclass(frozen=True)
 class Content:
-    """What is in a file. Channel 2 has no schema."""
+    """Contents of a file. Channel 2 has no schema."""
 
     messages: tuple[tuple[int, int, bytes], ...] = ()  # channel id, log time, data
     attachments: tuple[tuple[str, bytes], ...] = ()

@@ -1,4 +1,4 @@
-"""How tall people are in the picture, and what silhouettes are made of."""
+"""The height of people in the picture, and the parts of silhouettes."""
 
 from __future__ import annotations
 

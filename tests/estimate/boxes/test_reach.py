@@ -1,4 +1,4 @@
-"""Which way people walk, and so how far before them their silhouettes end."""
+"""The direction in which people walk, and so how far before them their silhouettes end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a track's own heights tell of its boxes: how large their errors are, and how long they last."""
+"""Errors of a track's boxes, from the scatter of its own heights: their size, and how long they last."""
 
 from __future__ import annotations
 
