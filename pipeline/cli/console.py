@@ -1,4 +1,4 @@
-"""What a person sees on a terminal: tables, progress and messages, with text from files made safe."""
+"""Output to a terminal: tables, progress and messages, with text from files made safe."""
 
 from __future__ import annotations
 
@@ -6,25 +6,19 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-import pyarrow as pa
 from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    SpinnerColumn,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.progress import (
-    Progress as Bars,
-)
 from rich.table import Table
 
 from pipeline.core.progress import Progress, Report
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from rich.progress import Progress as Bars
+    from rich.progress import TaskID
 
 PLAIN_LINE_EVERY_S = 5.0  # where there is no terminal, such as in a log
 
@@ -49,6 +43,8 @@ def print_table(table: pa.Table, *, title: str | None = None, max_rows: int | No
 
     On a terminal, columns that do not fit are left out and named below; a log gets them all.
     """
+    import pyarrow as pa
+
     shown = table if max_rows is None else table.slice(0, max_rows)
     names = [safe(name) for name in shown.column_names]
     cells = [[_cell(value) for value in column.to_pylist()] for column in shown.columns]
@@ -122,6 +118,15 @@ def progress_lines() -> Iterator[Report]:
     if not err.is_terminal:
         yield _PlainLines()
         return
+    from rich.progress import (
+        BarColumn,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.progress import Progress as Bars
+
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}"),

@@ -1,21 +1,39 @@
-"""`stadimeter demo`: the main job on the recordings that come with the source, told from end to end."""
+"""`stadimeter demo`: the main job on the recordings that come with the source, from end to end."""
 
 from __future__ import annotations
 
+import argparse
 import csv
 import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.cli.console import out, print_rows, progress_lines, safe
-from pipeline.core.config import Config, load_config
+from pipeline.cli.exit_codes import code_of
+from pipeline.cli.options import Commands
+from pipeline.cli.run import print_run
 from pipeline.core.errors import MissingLibrary, UsageError, Where
-from pipeline.ingest.survey import survey
-from pipeline.run.recording import Outcome
-from pipeline.run.recordings import run
-from pipeline.store.database import Store
-from pipeline.summary import print_run, print_tracks
+
+if TYPE_CHECKING:
+    from pipeline.core.config import Config
+    from pipeline.run.recording import Outcome
+    from pipeline.store.database import Store
 
 SOURCE_RECORDINGS = Path(__file__).resolve().parents[2] / "recordings"
+
+
+def add(commands: Commands) -> None:
+    """Add the command and its arguments to the parser."""
+    parser = commands.add_parser("demo", help="run on the recordings that come with the source")
+    parser.add_argument("--recordings", type=Path, metavar="DIR", help="where they are")
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR")
+    parser.set_defaults(function=call)
+
+
+def call(arguments: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    return code_of(*demo(arguments.recordings, arguments.out))
 
 
 def demo(
@@ -26,6 +44,10 @@ def demo(
     Raises:
         UsageError: there are no recordings.
     """
+    from pipeline.core.config import load_config
+    from pipeline.run.recordings import run
+    from pipeline.store.database import Store
+
     source = recordings or SOURCE_RECORDINGS
     paths = sorted(source.glob("*.mcap"))
     if not paths:
@@ -88,6 +110,8 @@ def _print_pose(store: Store, recording_id: str) -> None:
 
 def _print_true_pose(path: Path, config: Config) -> None:
     """Print the pose that a simulated recording was made with, as its metadata say; no run reads it."""
+    from pipeline.ingest.survey import survey
+
     said = survey(path, config).metadata.get("true_camera")
     if said is not None:
         values = ", ".join(f"{safe(k)} = {safe(v)}" for k, v in said.items())
@@ -238,3 +262,50 @@ def _printed_rmse(
 
 def _cm(value_cm: float | None) -> str:
     return "" if value_cm is None else f"{value_cm:.2f}"
+
+
+def print_tracks(store: Store, recording_id: str, title: str) -> int:
+    """Print the tracks of a recording: where, how tall, by the best method; return how many."""
+    best = store.query(
+        """
+        SELECT track_id, camera, method, height_m, height_std_m, height_assumed, height_plausible,
+            depth_min_m,
+            depth_median_m, depth_max_m, observation_count
+        FROM track_heights SEMI JOIN main.current_run USING (recording_id, run_id)
+        WHERE recording_id = ?
+        QUALIFY row_number() OVER (
+            PARTITION BY camera, track_id
+            -- the number that assumes the least
+            ORDER BY list_position(
+                ['fused', 'ground', 'defocus', 'aperture', 'inverse', 'size'], method
+            )
+        ) = 1
+        ORDER BY camera, track_id
+        """,
+        [recording_id],
+    ).to_pylist()
+    rows = []
+    for track in best:
+        height = ""
+        if track["height_m"] is not None:
+            height = f"{track['height_m']:.2f} ± {1.96 * (track['height_std_m'] or 0):.2f}"
+        rows.append(
+            [
+                track["track_id"],
+                f"{track['observation_count']:,}",
+                f"{track['depth_min_m']:.1f}",
+                f"{track['depth_median_m']:.1f}",
+                f"{track['depth_max_m']:.1f}",
+                height + _remark(track),
+                track["method"],
+            ]
+        )
+    header = ("track", "frames", "nearest m", "median m", "farthest m", "height m (95 %)", "method")
+    print_rows(title, header, rows)
+    return len(rows)
+
+
+def _remark(track: Mapping[str, object]) -> str:
+    if track["height_assumed"]:
+        return " (assumed)"
+    return " (not one person)" if track["height_plausible"] is False else ""

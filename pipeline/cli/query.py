@@ -1,19 +1,53 @@
-"""Answers from the database, read-only, in the forms that other programs take."""
+"""`stadimeter query`: answers from the database, read-only, as a table, CSV, JSON or Parquet."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
+import sys
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
-import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet
-
+from pipeline.cli.console import out, print_table, safe
+from pipeline.cli.exit_codes import DONE
+from pipeline.cli.options import Commands, add_database
 from pipeline.core.errors import UsageError, Where
-from pipeline.store.database import Store
-from pipeline.store.parquet import open_shared
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+def add(commands: Commands) -> None:
+    """Add the command and its arguments to the parser."""
+    parser = commands.add_parser("query", help="ask the database in SQL; it cannot be changed")
+    parser.add_argument("sql", nargs="?", metavar="SQL")
+    add_database(parser)
+    parser.add_argument("--parts", type=Path, metavar="DIR", help="ask a folder of `run --parts`")
+    parser.add_argument("--view", metavar="NAME", help="all rows of a view or table")
+    parser.add_argument("--list", action="store_true", help="tables and views, what they answer")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--csv", action="store_true")
+    form.add_argument("--json", action="store_true")
+    form.add_argument("--parquet", type=Path, metavar="FILE")
+    parser.set_defaults(function=call)
+
+
+def call(arguments: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    if sum((arguments.sql is not None, arguments.view is not None, arguments.list)) != 1:
+        raise UsageError("give one of SQL, --view NAME or --list")
+    table = answer(arguments.db, arguments.sql, arguments.view, arguments.parts)
+    if arguments.csv:
+        write_csv(table, sys.stdout)
+    elif arguments.json:
+        write_json(table, sys.stdout)
+    elif arguments.parquet:
+        write_parquet(table, arguments.parquet)
+        out.print(f"{safe(arguments.parquet)}: {table.num_rows:,} rows")
+    else:
+        print_table(table)
+    return DONE
 
 
 def answer(
@@ -27,6 +61,9 @@ def answer(
         StoreError: the database cannot be opened.
         UsageError: DuckDB does not accept the statement, or there is no such view.
     """
+    from pipeline.store.database import Store
+    from pipeline.store.parquet import open_shared
+
     opened = Store.open(database, read_only=True) if parts is None else open_shared(parts)
     with opened as store:
         if sql is not None:
@@ -46,6 +83,9 @@ def answer(
 
 def write_csv(table: pa.Table, stream: TextIO) -> None:
     """Write a header line and a line a row; nothing for NULL."""
+    import pyarrow as pa
+    import pyarrow.csv
+
     nested = [i for i, f in enumerate(table.schema) if pa.types.is_nested(f.type)]
     for index in nested:  # CSV has no lists
         texts = [None if v is None else json.dumps(v) for v in table.column(index).to_pylist()]
@@ -73,8 +113,10 @@ def write_parquet(table: pa.Table, path: Path) -> None:
     Raises:
         UsageError: the file cannot be written.
     """
+    import pyarrow.parquet as pq
+
     try:
-        pa.parquet.write_table(table, path)
+        pq.write_table(table, path)
     except OSError as error:
         raise UsageError(
             f"cannot be written: {error.strerror or error}", where=Where(path)

@@ -203,8 +203,34 @@ def test_calibrating_without_truth_says_so(workplace: Path, tmp_path: Path) -> N
     assert not (workplace / "w.toml").exists()
 
 
-def test_asking_the_database_waits_for_no_library_that_it_does_not_need() -> None:
-    heavy = ("cv2", "pandas", "rerun", "scipy")
-    code = f"import pipeline.cli.query, sys; print([m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert done.stdout.strip() == "[]", done.stderr
+HEAVY = ("cv2", "numpy", "pandas", "rerun", "scipy")
+
+
+def modules_after(arguments: list[str], names: tuple[str, ...], cwd: Path) -> str:
+    """Return those of the named modules that a command has loaded at its end."""
+    code = (
+        "import sys; from pipeline.cli import main\n"
+        f"try: main({arguments})\n"
+        "except SystemExit: pass\n"
+        f"print([m for m in {names} if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=cwd,
+        env={"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()[-1]
+
+
+def test_asking_the_database_waits_for_no_library_that_it_does_not_need(workplace: Path) -> None:
+    asked = ["query", "--db", "x.duckdb", "SELECT 1 AS one"]
+    heavy = tuple(name for name in HEAVY if name != "numpy")
+    assert modules_after(asked, heavy, workplace) == "[]"
+
+
+def test_help_waits_for_no_library(tmp_path: Path) -> None:
+    heavy = (*HEAVY, "pyarrow", "duckdb")
+    assert modules_after(["run", "--help"], heavy, tmp_path) == "[]"

@@ -12,11 +12,11 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
 from pipeline.cli.console import out
+from pipeline.cli.inspect import print_survey
 from pipeline.core.config import Config
 from pipeline.ingest import survey as survey_module
 from pipeline.ingest.survey import survey
 from pipeline.mcap_file.writer import image_message, timestamp
-from pipeline.summary import print_survey
 from tests.support.damage import SmallChunks
 
 START_NS, FRAME_NS, COUNT = 10**18, 40_000_000, 60

@@ -1,0 +1,31 @@
+"""`stadimeter report`: accuracy, heights and diagnostics as one HTML file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pipeline.cli.console import out, safe
+from pipeline.cli.exit_codes import DONE
+from pipeline.cli.options import Commands, add_database
+
+
+def add(commands: Commands) -> None:
+    """Add the command and its arguments to the parser."""
+    parser = commands.add_parser(
+        "report", help="write accuracy, heights and diagnostics as one HTML file"
+    )
+    add_database(parser)
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("report.html"), metavar="HTML", help="to write"
+    )
+    parser.set_defaults(function=call)
+
+
+def call(arguments: argparse.Namespace) -> int:
+    """Run the command; return its exit code."""
+    from dashboards.report.writer import write_report
+
+    write_report(arguments.db, arguments.output)
+    out.print(f"report    {safe(arguments.output)}", soft_wrap=True)
+    return DONE
