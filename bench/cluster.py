@@ -20,10 +20,10 @@ from bench.footage import street_pictures, write_recording
 from pipeline.cli.console import out, print_rows
 from pipeline.cluster.engine import ray_engine
 from pipeline.cluster.manifest import Part, read_manifests, write_manifest
+from pipeline.cluster.results_folder import merge, open_shared
 from pipeline.cluster.shared_run import run_shared
 from pipeline.core.config import Config
 from pipeline.parallel.processes import local_engine
-from pipeline.store.parquet import merge, open_shared
 
 EMPTY_TASKS = 200
 FRAMES = 500  # of a recording at 720p: 20 s

@@ -23,8 +23,10 @@ from pipeline.core.tables import CAMERAS, OBSERVATIONS
 from pipeline.core.timing import Spent, Stopwatch
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recordings import describe, library_versions
-from pipeline.store.database import RecordingRow, Store
+from pipeline.store.database import Store
 from pipeline.store.parquet_parts import PartWriter, as_table
+from pipeline.store.recordings import RecordingRow, replace_recording
+from pipeline.store.runs import finish_run, start_run
 
 FRAME_RATE, PEOPLE, WALK_S = 25, 5, 20
 WIDTH_PX, HEIGHT_PX, FOCAL_PX = 1920, 1080, 1500.0
@@ -249,13 +251,13 @@ def main() -> None:
 def _measure(database: Path, parts: Path, row: RecordingRow, config: Config, hours: float) -> None:
     before_mb = peak_mb()
     with Store.open(database) as store:
-        run_id = store.start_run("run", "day", describe(config), library_versions(), "bench")
+        run_id = start_run(store, "run", "day", describe(config), library_versions(), "bench")
         with Stopwatch() as ingest, store.transaction():
-            key = store.ingest(row, parts, run_id)
+            key = replace_recording(store, row, parts, run_id)
         ingest_mb = peak_mb()
         with Stopwatch() as estimate, store.transaction():
             estimate_recording(store, key, run_id, row.path.name, config)
-        store.finish_run(run_id)
+        finish_run(store, run_id)
     sizes = table_bytes(database)
     observations, estimates = sizes["observations"][0], sizes["estimates"][0]
     out.print(

@@ -28,6 +28,7 @@ from dashboards.timeline.writer import TimelineOptions, camera_views, write_time
 from pipeline.core.config import Config
 from pipeline.core.errors import UsageError, Where
 from pipeline.store.database import Store
+from pipeline.store.recordings import list_recordings
 
 # Around a track its frames and a little before and after; around a moment of a long recording so much.
 AROUND_TRACK_S = 2.0
@@ -91,7 +92,7 @@ def find_recording(store: Store, name: str) -> dict[str, Any]:
     Raises:
         UsageError: there is none in the database, there are several, or its file is gone or another.
     """
-    rows = store.recordings().to_pylist()
+    rows = list_recordings(store).to_pylist()
     given = Path(name)
     tests = (
         lambda row: row["recording_id"] == name,

@@ -35,6 +35,10 @@ from pipeline.estimate.types import Measured
 from pipeline.run.recordings import describe, library_versions
 from pipeline.run.stored_camera import StoredCamera, lines_of
 from pipeline.store.database import Store
+from pipeline.store.estimates import add_calibrations
+from pipeline.store.recordings import list_recordings
+from pipeline.store.runs import finish_run, start_run
+from pipeline.store.track_rows import tracks_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +108,8 @@ def calibrate_stored_truth(
         write_camera_file(camera_file, replace(config, calibration=tuple(kept), size_prior=priors))
         run_id = _start(store, config)
         with store.transaction():
-            store.add_calibrations(calibrations_table(fitted.rows), run_id)
-        store.finish_run(run_id)
+            add_calibrations(store, calibrations_table(fitted.rows), run_id)
+        finish_run(store, run_id)
     return fitted
 
 
@@ -240,7 +244,7 @@ def _of_recording(
 ) -> Iterator[tuple[str, Found | CalibrationUndetermined]]:
     """Yield what walkers gave of each camera of a recording that saw anything."""
     edges = store.read("background_lines", recording_id)
-    tracks = store.tracks_of(recording_id, prior.object_class)
+    tracks = tracks_of(store, recording_id, prior.object_class)
     seen = set(pc.unique(tracks["camera"]).to_pylist())
     _check_single(known, len(seen))
     for row in store.read("cameras", recording_id).to_pylist():
@@ -287,7 +291,7 @@ def _writable(database: Path) -> Store:
 
 
 def _recording_ids(store: Store) -> list[str]:
-    return [row["recording_id"] for row in store.recordings().to_pylist()]
+    return [row["recording_id"] for row in list_recordings(store).to_pylist()]
 
 
 def _tables(store: Store, recording_id: str) -> tuple[pa.Table, pa.Table, pa.Table, pa.Table]:
@@ -297,7 +301,7 @@ def _tables(store: Store, recording_id: str) -> tuple[pa.Table, pa.Table, pa.Tab
 
 
 def _start(store: Store, config: Config) -> str:
-    return store.start_run("calibrate", None, describe(config), library_versions(), __version__)
+    return start_run(store, "calibrate", None, describe(config), library_versions(), __version__)
 
 
 _NO_TRUTH = pa.table({"object_id": pa.array([], pa.string())})

@@ -23,8 +23,8 @@ from pipeline.parallel.opencv_threads import OpenCvThreads
 from pipeline.run.blur_queue import BlurLater, BlurQueue
 from pipeline.run.camera_stage import Decoded
 from pipeline.run.picture_stream import PictureStream
-from pipeline.store.database import RecordingRow
 from pipeline.store.parquet_parts import PartWriter
+from pipeline.store.recordings import RecordingRow
 
 # Frames whose rows are gathered before they are written: large enough for columns to pay, small
 # enough to be nothing in memory.

@@ -28,6 +28,10 @@ from pipeline.estimate.track_batches import Tracks
 from pipeline.run.exposure_notes import exposure_notes
 from pipeline.run.stored_camera import StoredCamera, lines_of
 from pipeline.store.database import Store
+from pipeline.store.estimates import add_calibrations, add_estimates, forget_estimates
+from pipeline.store.exposure_rows import exposure_verdicts
+from pipeline.store.recordings import add_diagnostics, set_lens, set_pose
+from pipeline.store.track_rows import tracks_of
 
 # Observations that are worked on at once, at about 2 kB each: 40 MB. Fewer cost time, as the smoother
 # goes step by step, for all tracks of a batch together: with 10,000 a seventh more than with 50,000.
@@ -49,11 +53,11 @@ def estimate_recording(
     Tracks are worked on in batches of about `batch` observations; the results do not depend on it.
     """
     said = Said(config)
-    said.add(exposure_notes(store.exposure_verdicts(recording_id)))
+    said.add(exposure_notes(exposure_verdicts(store, recording_id)))
     edges = store.read("background_lines", recording_id)
     prior = config.stature
-    tracks = store.tracks_of(recording_id, prior.object_class if prior else "")
-    store.forget_estimates(recording_id, run_id)
+    tracks = tracks_of(store, recording_id, prior.object_class if prior else "")
+    forget_estimates(store, recording_id, run_id)
     for row in store.read("cameras", recording_id).to_pylist():
         mine = tracks.filter(pc.equal(tracks["camera"], row["camera"]))
         if not mine.num_rows:
@@ -64,13 +68,13 @@ def estimate_recording(
         lines_px = lines_of(edges, row["camera"])
         camera.plane = _pose(camera, mine, lines_px, config, said)
         if camera.plane is not None:
-            store.set_pose(recording_id, row["camera"], camera.plane)
+            set_pose(store, recording_id, row["camera"], camera.plane)
         if camera.row != row:
-            store.set_lens(recording_id, camera.row)
+            set_lens(store, recording_id, camera.row)
         for rows in _estimated(camera, Tracks.of(mine), config, said, batch):
-            store.add_estimates(recording_id, run_id, rows.by_table())
-    store.add_calibrations(said.calibrations(), run_id)
-    store.add_diagnostics(said.diagnostics(), recording_id, run_id, file_name)
+            add_estimates(store, recording_id, run_id, rows.by_table())
+    add_calibrations(store, said.calibrations(), run_id)
+    add_diagnostics(store, said.diagnostics(), recording_id, run_id, file_name)
 
 
 def _estimated(

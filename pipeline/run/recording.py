@@ -11,7 +11,8 @@ from pipeline.core.progress import Progress, Report
 from pipeline.core.timing import StageTimes
 from pipeline.run.pass_one import measure_recording
 from pipeline.run.pass_two import estimate_recording
-from pipeline.store.database import RecordingRow, Store
+from pipeline.store.database import Store
+from pipeline.store.recordings import RecordingRow, replace_recording
 
 
 @dataclass(slots=True)
@@ -46,7 +47,7 @@ def commit(
     """Store what was measured of a recording, and its estimates, in one transaction."""
     with store.transaction():
         with times.stage("store"):
-            recording_id = store.ingest(row, parts, run_id)
+            recording_id = replace_recording(store, row, parts, run_id)
         with times.stage("estimate"):
             estimate_recording(store, recording_id, run_id, row.path.name, config)
 

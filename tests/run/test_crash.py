@@ -15,7 +15,8 @@ import duckdb
 import numpy as np
 import pytest
 
-from pipeline.store.database import RECORDING_TABLES, Store
+from pipeline.store.columns import RECORDING_TABLES
+from pipeline.store.database import Store
 from tests.cli.test_commands import ROOT, stadimeter
 from tests.run.test_recordings import write_people
 

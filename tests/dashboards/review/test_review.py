@@ -122,7 +122,7 @@ def test_the_worst_errors_name_the_command_that_shows_them(store: Store, tmp_pat
     assert words[:2] == ["stadimeter", "review"]
     assert words[words.index("--db") + 1] == str(store.path)
     target = tmp_path / "worst.rrd"
-    store._connection.close()  # a file is open for reading or writing once in a process
+    store.connection.close()  # a file is open for reading or writing once in a process
     assert main([*words[1:], "-o", str(target)]) == 0
     assert target.stat().st_size > 0
 
