@@ -78,7 +78,7 @@ def errors_chart(rows: list[Row], by_method: list[Row]) -> alt.Chart:
 
     actual = points.encode(alt.X("true_depth_m:Q", title="actual depth, m", scale=scale))
     interval = actual.mark_rule(strokeWidth=1).encode(
-        alt.Y("depth_low_m:Q", title="estimated depth, m (rule: 95 % interval)", scale=scale),
+        alt.Y("depth_low_m:Q", title="estimated depth, m (line: 95 % interval)", scale=scale),
         alt.Y2("depth_high_m:Q"),
     )
     dots = (
@@ -93,7 +93,7 @@ def errors_chart(rows: list[Row], by_method: list[Row]) -> alt.Chart:
         .encode(alt.X("d:Q", scale=scale), alt.Y("d:Q", scale=scale))
     )
     against = (identity + interval + dots).properties(
-        title="Estimated against actual", width=HALF_PX, height=TALL_PX
+        title="Estimated and actual depth", width=HALF_PX, height=TALL_PX
     )
     below = _over_time(points, marked)
     agreement = _bland_altman(points, by_method, scale, colour)
@@ -138,7 +138,7 @@ def _bland_altman(
     )
     dots = points.mark_circle(size=28).encode(
         alt.X("mean_depth_m:Q", title="mean of estimated and actual depth, m", scale=scale),
-        alt.Y("depth_error_m:Q", title="estimated less actual depth, m"),
+        alt.Y("depth_error_m:Q", title="estimated minus actual depth, m"),
     )
     dots = dots.add_params(_zoom("zoom_agreement"))
     return (dots + rules).properties(
@@ -150,9 +150,9 @@ def _over_time(points: alt.Chart, marked: alt.Parameter) -> alt.LayerChart:
     zero = alt.Chart(alt.Data(values=[{"y": 0}])).mark_rule(color=GREY).encode(y="y:Q")
     dots = points.mark_circle(size=22).encode(
         alt.X("time_s:Q", title=_SINCE),
-        alt.Y("depth_error_m:Q", title="estimated less actual depth, m"),
+        alt.Y("depth_error_m:Q", title="estimated minus actual depth, m"),
     )
-    title = "Error over time: mark a part of it to see only that above"
+    title = "Error over time: select a period to show only that period above"
     return (zero + dots.add_params(marked)).properties(title=title, width=WIDE_PX, height=180)
 
 
@@ -239,7 +239,7 @@ def coverage_chart(rows: list[Row]) -> alt.FacetChart:
         (ideal + rules + line)
         .properties(width=HALF_PX - 30, height=260)
         .facet(column=alt.Column("quantity:N", title=None))
-        .properties(title="How often an interval holds the truth")
+        .properties(title="Share of intervals that contain the truth")
     )
 
 
@@ -269,7 +269,7 @@ def heights_chart(rows: list[Row], object_name: str) -> alt.LayerChart:
     )
     rule = base.mark_rule(strokeWidth=2).encode(
         alt.X(
-            "height_low_m:Q", title="height, m (rule: 95 % interval)", scale=alt.Scale(zero=False)
+            "height_low_m:Q", title="height, m (line: 95 % interval)", scale=alt.Scale(zero=False)
         ),
         alt.X2("height_high_m:Q"),
     )
