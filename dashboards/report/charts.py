@@ -12,7 +12,8 @@ from typing import Any
 import altair as alt
 
 from dashboards.report.data import Row, rounded
-from dashboards.style import METHOD_ORDER
+from dashboards.style import METHOD_COLOURS, on_white
+from pipeline.estimate.methods import NAMES, in_order
 
 # Okabe and Ito (2008), without the yellow that a white page swallows.
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
@@ -25,9 +26,8 @@ _SINCE = "time since the start of the recording, s"
 
 def _colour(rows: Sequence[Row], **options: Any) -> alt.Color:
     present = {row["method"] for row in rows}
-    methods = [str(m) for m in METHOD_ORDER if m in present]
-    methods += sorted(present - set(methods))
-    colours = dict(zip(map(str, METHOD_ORDER), COLOURS, strict=True))
+    methods = in_order(present)
+    colours = {name: on_white(colour) for name, colour in METHOD_COLOURS.items()}
     scale = alt.Scale(domain=methods, range=[colours.get(m, GREY) for m in methods])
     return alt.Color("method:N", scale=scale, title="method", **options)
 
@@ -42,7 +42,7 @@ def _depth_scale(rows: Sequence[Row]) -> alt.Scale:
 
 def _layer(row: Row) -> int:
     """Return when a point is drawn: the best method last, so that nothing covers it."""
-    order = [str(method) for method in METHOD_ORDER]
+    order = list(NAMES)
     return -order.index(row["method"]) if row["method"] in order else -len(order)
 
 

@@ -10,23 +10,16 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from dashboards.style import METHOD_ORDER, Z_95
+from dashboards.style import Z_95
 from dashboards.timeline.columns import CameraRows
 from dashboards.timeline.names import markdown
 from dashboards.timeline.slots import SLOTS
 from pipeline import __version__
 from pipeline.core.arrays import FloatArray
+from pipeline.estimate.methods import IN_ORDER, NAMES, in_order
 
 MAX_ROWS = 200
 TEXT_COLUMNS = ("camera", "class", "method")
-METHOD_TEXTS = {
-    "fused": "the methods that apply, weighted by their precision and smoothed along the track",
-    "ground": "the ray through the feet meets the ground",
-    "aperture": "Eq. 16: size in the picture, focal length, aperture, and the constant k",
-    "inverse": "Eq. 17: a line in the inverse of the size in the picture",
-    "size": "the size in the picture against the usual size of such an object",
-    "defocus": "how far the edges are blurred",
-}
 INTRINSICS_TEXTS = {
     "recording": "from the recording",
     "camera_file": "from the camera file",
@@ -137,12 +130,11 @@ def _methods_text(cameras: Sequence[CameraRows]) -> str:
         "#### Methods",
         "Of these methods, the first that has a depth for an observation is drawn:",
     ]
-    names = [str(m) for m in METHOD_ORDER if m in used]
-    names += sorted(set(used) - set(names))
+    texts = {method.name: method.text for method in IN_ORDER}
     items = []
-    for method in names:
+    for method in in_order(set(used)):
         drawn = sum(int((rows.best_method == method).sum()) for rows in cameras)
-        text = METHOD_TEXTS.get(method, "")
+        text = texts.get(method, "")
         items.append(f"- **{markdown(method)}**: {text} (drawn: {drawn:,})")
     lines.append("\n".join(items))
     return "\n\n".join(lines)
@@ -207,7 +199,7 @@ def _reading_text(cameras: Sequence[CameraRows]) -> str:
 
 def tracks_text(tables: Mapping[str, pa.Table], cameras: Sequence[CameraRows]) -> str:
     """Return a table of the tracks, each by its best method, the longest first if there are many."""
-    rank = {str(method): i for i, method in enumerate(METHOD_ORDER)}
+    rank = {name: i for i, name in enumerate(NAMES)}
     best: dict[tuple[str, int], dict[str, Any]] = {}
     for row in tables["track_heights"].to_pylist():
         key = (row["camera"], row["track_id"])

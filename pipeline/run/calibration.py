@@ -25,12 +25,12 @@ from pipeline.calibrate.truth.fit import (
 from pipeline.calibrate.truth.table import truth_table
 from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, Known
 from pipeline.calibrate.walkers.pose_and_lens import Calibrated, calibrate_stored
-from pipeline.core.calibration import Calibration, Method
+from pipeline.core.calibration import CalibratedMethod, Calibration
 from pipeline.core.camera_file import write_camera_file
 from pipeline.core.config import CameraConfig, Config, SizePrior
 from pipeline.core.errors import CalibrationUndetermined, StoreError, UsageError, Where
 from pipeline.core.records import Diagnostic, FoundLens, GroundPlane
-from pipeline.estimate.estimate_tracks import calibrations_table, measured_by_camera
+from pipeline.estimate.tables import calibrations_table, measured_by_camera
 from pipeline.estimate.types import Measured
 from pipeline.run.recordings import describe, library_versions
 from pipeline.run.stored_camera import StoredCamera, lines_of
@@ -45,7 +45,7 @@ from pipeline.store.track_rows import tracks_of
 class TruthOptions:
     """How calibrations are fitted to truth."""
 
-    methods: Sequence[Method]
+    methods: Sequence[CalibratedMethod]
     robust: bool = False
     folds: int = 5
     seed: int = 0

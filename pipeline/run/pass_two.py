@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import pyarrow as pa
@@ -23,7 +24,8 @@ from pipeline.core.arrays import FloatArray
 from pipeline.core.config import Config
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.core.records import Diagnostic, FoundLens, GroundPlane, Severity
-from pipeline.estimate.estimate_tracks import Rows, Said, camera_blur, estimate_tracks
+from pipeline.estimate.estimate_tracks import Remarks, camera_blur, estimate_tracks
+from pipeline.estimate.tables import Rows
 from pipeline.estimate.track_batches import Tracks
 from pipeline.run.exposure_notes import exposure_notes
 from pipeline.run.stored_camera import StoredCamera, lines_of
@@ -52,8 +54,8 @@ def estimate_recording(
 
     Tracks are worked on in batches of about `batch` observations; the results do not depend on it.
     """
-    said = Said(config)
-    said.add(exposure_notes(exposure_verdicts(store, recording_id)))
+    remarks = Remarks(config)
+    remarks.add(exposure_notes(exposure_verdicts(store, recording_id)))
     edges = store.read("background_lines", recording_id)
     prior = config.stature
     tracks = tracks_of(store, recording_id, prior.object_class if prior else "")
@@ -66,34 +68,34 @@ def estimate_recording(
             store, recording_id, known_lens(row, config.camera_named(row["camera"]))
         )
         lines_px = lines_of(edges, row["camera"])
-        camera.plane = _pose(camera, mine, lines_px, config, said)
+        camera.plane = _pose(camera, mine, lines_px, config, remarks)
         if camera.plane is not None:
             set_pose(store, recording_id, row["camera"], camera.plane)
         if camera.row != row:
             set_lens(store, recording_id, camera.row)
-        for rows in _estimated(camera, Tracks.of(mine), config, said, batch):
+        for rows in _estimated(camera, Tracks.of(mine), config, remarks, batch):
             add_estimates(store, recording_id, run_id, rows.by_table())
-    add_calibrations(store, said.calibrations(), run_id)
-    add_diagnostics(store, said.diagnostics(), recording_id, run_id, file_name)
+    add_calibrations(store, remarks.calibrations(), run_id)
+    add_diagnostics(store, remarks.diagnostics(), recording_id, run_id, file_name)
 
 
 def _estimated(
-    camera: StoredCamera, tracks: Tracks, config: Config, said: Said, batch: int
+    camera: StoredCamera, tracks: Tracks, config: Config, remarks: Remarks, batch: int
 ) -> Iterator[Rows]:
     """Yield the rows of one batch of tracks after another."""
     blur = None
     sample = tracks.sample(BLUR_SAMPLE)
     if tracks.observations > batch or len(sample) < len(tracks):
         blur = camera_blur(camera.measured(sample), config)
-        said.add([blur.contradicted] if blur.contradicted else [])
+        remarks.add([blur.contradicted] if blur.contradicted else [])
     for some in tracks.batches(batch):
         measured = camera.measured(some)
         if len(measured):
-            yield estimate_tracks(measured, config, said, blur)
+            yield estimate_tracks(replace(measured, camera_blur=blur), config, remarks)
 
 
 def _pose(
-    camera: StoredCamera, tracks: pa.Table, lines_px: FloatArray, config: Config, said: Said
+    camera: StoredCamera, tracks: pa.Table, lines_px: FloatArray, config: Config, remarks: Remarks
 ) -> GroundPlane | None:
     """Return the camera's pose.
 
@@ -110,15 +112,15 @@ def _pose(
     try:
         found = calibrate_stored(measured, camera.row, prior, lines_px=lines_px)
     except CalibrationUndetermined as error:
-        said.add([Diagnostic(Severity.INFO, "pose_undetermined", error.problem, camera=name)])
+        remarks.add([Diagnostic(Severity.INFO, "pose_undetermined", error.problem, camera=name)])
         return None
     if found.lens is not None:
         camera.row = with_found(camera.row, found.lens)
-        said.add([_describe_lens(name, found.lens)])
+        remarks.add([_describe_lens(name, found.lens)])
     if found.contradiction is not None:
-        said.add([found.contradiction.describe(name, camera.row["intrinsics_source"])])
+        remarks.add([found.contradiction.describe(name, camera.row["intrinsics_source"])])
         camera.row = with_doubt(camera.row, found.plane)
-    said.add([_describe(name, found.plane, found.report)])
+    remarks.add([_describe(name, found.plane, found.report)])
     return found.plane
 
 

@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 from pipeline.calibrate.walkers.sample import MIN_OBSERVATIONS, spread_people
 from pipeline.core.arrays import FloatArray
 from pipeline.core.records import GroundPlane
-from pipeline.estimate.estimate_tracks import measured_of
+from pipeline.estimate.tables import measured_of
 from pipeline.estimate.track_batches import Tracks
 from pipeline.estimate.types import Measured
 from pipeline.store.database import Store

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from pipeline.core.arrays import FloatArray
-from pipeline.core.calibration import Dimension, Method
+from pipeline.core.calibration import CalibratedMethod, Dimension
 from pipeline.core.config import CameraConfig, Config
 from pipeline.core.lens import Lens
 from pipeline.optics.defocus import (
@@ -110,7 +110,7 @@ def _size_bounds(name: str, config: Config, camera: str) -> tuple[int, float, fl
     """Return which side of the box (0 width, 1 height, 2 the longer) and between which sizes it is."""
     for calibration in config.calibration:
         if (
-            calibration.method is Method.SIZE
+            calibration.method is CalibratedMethod.SIZE
             and calibration.object_class == name
             and calibration.camera in ("", camera)
         ):
