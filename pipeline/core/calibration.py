@@ -15,11 +15,11 @@ class CalibratedMethod(StrEnum):
     """Methods that a calibration can be for; the table of all methods is `pipeline.estimate.methods`."""
 
     APERTURE = "aperture"
-    INVERSE = "inverse"
     SIZE = "size"
+    INVERSE = "inverse"
 
     def __repr__(self) -> str:
-        """Return what calibrations' ids in stored databases are made of (`Calibration.calibration_id`)."""
+        """Return the text that `calibration_id` was made of in databases of earlier versions."""
         return f"<Method.{self.name}: {self.value!r}>"
 
 

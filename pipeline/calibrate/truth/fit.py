@@ -36,7 +36,7 @@ from pipeline.optics.thin_lens import image_distance_mm
 
 BoolArray = npt.NDArray[np.bool_]
 
-METHODS = (CalibratedMethod.APERTURE, CalibratedMethod.SIZE, CalibratedMethod.INVERSE)
+METHODS = tuple(CalibratedMethod)
 FOLDS = 5
 # Fewer rows give a fit, but no honest spread about it.
 MIN_ROWS = 4
