@@ -64,7 +64,7 @@ def seconds_of_run(paths: list[Path], folder: Path, engine: str, workers: int) -
 
 @contextmanager
 def cores(count: int) -> Iterator[None]:
-    """Keep this process, and those that it begins, to so many cores, where the system can do that."""
+    """Limit this process and its children to a number of cores, if the system can do that."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return

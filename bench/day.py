@@ -62,7 +62,7 @@ parameters = [
 
 
 def walkers(rng: np.random.Generator, first_track: int, from_s: float, to_s: float) -> pa.Table:
-    """Return the observations of people who begin to walk in a span of time, a row a frame each."""
+    """Return the observations of people who begin to walk in a span of time, one row for each frame."""
     count = round((to_s - from_s) * PEOPLE / WALK_S)
     frames = WALK_S * FRAME_RATE
     begin = np.round((from_s + rng.uniform(0, to_s - from_s, count)) * FRAME_RATE)
@@ -113,7 +113,7 @@ def _boxes(x_m: FloatArray, y_m: FloatArray, tall_m: FloatArray) -> FloatArray:
 
 
 def write_day(folder: Path, hours: float, seed: int = 1) -> RecordingRow:
-    """Write the parts of pass 1 of so many hours, a quarter of an hour at a time."""
+    """Write the parts of pass 1 of a number of hours, a quarter of an hour at a time."""
     rng = np.random.default_rng(seed)
     seconds, step_s = hours * 3600, 900.0
     tracks: list[pa.Table] = []

@@ -76,7 +76,7 @@ def scene(
     bad_share: float = 0.1,
     wall_share: float = 0.0,
 ) -> Scene:
-    """Return a scene of so many people, of whom a share is two in one box or half hidden.
+    """Return a scene of a number of people; a share of the boxes hold two people or half of one.
 
     Another share passes behind a wall, which hides their feet for a while.
 

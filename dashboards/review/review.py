@@ -261,7 +261,7 @@ def open_review(
 
 
 def go_to_moment(client: Any, written: Written) -> None:
-    """Move the viewer to the moment that was asked for; it needs a while to have read so far."""
+    """Move the viewer to the requested moment; the viewer first needs time to read the file up to it."""
     if written.moment_ns is None:
         return
     if written.clock == ELAPSED:
@@ -281,7 +281,7 @@ def go_to_moment(client: Any, written: Written) -> None:
 
 
 def elsewhere(path: Path) -> Iterable[str]:
-    """Yield how to look at a timeline where there is no display, a line each."""
+    """Yield the ways to see a timeline from a machine without a display, a line each."""
     yield f"copy it to a machine with a display, and there:  rerun {path.name}   (pip install {RERUN})"
     if not no_viewer():
         yield "or serve it to a browser through a tunnel:  the same command with --browser says how"
@@ -289,7 +289,7 @@ def elsewhere(path: Path) -> Iterable[str]:
 
 @contextmanager
 def place_for(output: Path | None) -> Iterator[Path]:
-    """Give the file to write: the one asked for, or one that is gone afterwards."""
+    """Give the file to write: the requested one, or a temporary one that is deleted afterwards."""
     if output is not None:
         yield output
         return

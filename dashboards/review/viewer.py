@@ -1,4 +1,4 @@
-"""The Rerun viewer as a process of ours: on the loopback only, and telling nobody that it runs."""
+"""The Rerun viewer as a child process: on the loopback only, with usage reports off."""
 
 from __future__ import annotations
 

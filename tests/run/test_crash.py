@@ -1,4 +1,4 @@
-"""Runs that are killed, disks that are full, a second writer: what was committed is there, whole."""
+"""Killed runs, full disks, a second writer: all that was committed is there, whole."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def blur_px(depth_m: np.ndarray, frame: np.ndarray) -> np.ndarray:
 
 
 def street(camera: str, blurred: float) -> pd.DataFrame:
-    """Return who walks before a camera, boards that stand still, and feet that are not in the picture."""
+    """Return people who walk, boards that stand still, and people whose feet are outside the picture."""
     rng = np.random.default_rng(4)
     rows = walkers(rng, 0, 0.0, 48.0).to_pandas()
     rows = rows[rows["frame_index"] % EVERY == 0]

@@ -1,4 +1,4 @@
-"""An older database is brought up to date when it is written, and when our own pages read it."""
+"""Older databases are upgraded when they are written, and when report or timeline read them."""
 
 from __future__ import annotations
 

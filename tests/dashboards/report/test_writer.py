@@ -1,4 +1,4 @@
-"""The report: what it says, that it needs nothing else, and that a browser draws it."""
+"""The report: its contents, that it needs no other file, and that a browser draws it."""
 
 from __future__ import annotations
 

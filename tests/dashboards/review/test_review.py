@@ -1,4 +1,4 @@
-"""Review: what is found, what is shown of it, where it opens, and who can reach the viewer."""
+"""Review: recordings found, parts shown, the opening moment, and access to the viewer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fused method: precision, contradiction, hidden feet, smoothing, and honest intervals."""
+"""The fused method: precision, contradiction, hidden feet, smoothing, and coverage of intervals."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def lensless(n: int, **changes: object) -> Measured:
 
 
 def walk(n: int = 60, noise_px: float = 0.0, seed: int = 0, tall_m: float = 1.75) -> tuple:
-    """Return boxes of somebody who walks from 12 to 20 m, where they are, and their depth."""
+    """Return boxes of a person who walks from 12 to 20 m, their positions, and their depths."""
     y_m = np.linspace(12, 20, n)
     x_m = np.linspace(-2, 2, n)
     box = people(x_m, y_m, np.full(n, tall_m), PLANE)

@@ -1,4 +1,4 @@
-"""Heights that few people have are in doubt, and by as much as makes their intervals true."""
+"""Heights that few people have are doubtful, by an amount that makes their intervals correct."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Heights along a track, smoothed: steadier, as honest, and who sits down still does."""
+"""Smoothed heights along a track: steadier, with correct intervals; a person who sits down still does."""
 
 from __future__ import annotations
 

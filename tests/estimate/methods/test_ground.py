@@ -1,4 +1,4 @@
-"""The ground method: exact on exact boxes, silent where it cannot know, sure as it should be."""
+"""The ground method: exact on exact boxes, NaN where it does not apply, correct intervals."""
 
 from __future__ import annotations
 
