@@ -23,14 +23,15 @@ import tomllib
 import types
 import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass, make_dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.core.arrays import NAN
 from pipeline.core.calibration import Calibration, Dimension
 from pipeline.core.errors import UsageError, Where
+from pipeline.core.exposure import FIELDS
 from pipeline.core.setting_bounds import impossible_settings
 
 # A hand-held EXIF clock ticks in whole seconds, a camera driver in microseconds; half a frame
@@ -165,22 +166,24 @@ class EstimateConfig:
     extrapolate: bool = False  # use a calibration outside the range in which it was fitted
 
 
-@dataclass(frozen=True, slots=True)
-class ExposureFields:
-    """Where a recording keeps exposure values: topic, field and unit ("/diag.exposure us")."""
+if TYPE_CHECKING:
 
-    exposure_time_s: str = ""
-    f_number: str = ""
-    iso_speed: str = ""
-    exposure_bias_ev: str = ""
-    focal_length_mm: str = ""
-    focus_distance_m: str = ""
-    gain_db: str = ""
-    digital_zoom_ratio: str = ""
-    pixel_pitch_x_um: str = ""
-    pixel_pitch_y_um: str = ""
-    sensor_width_px: str = ""
-    sensor_height_px: str = ""
+    @dataclass(frozen=True, slots=True, init=False)
+    class ExposureFields:
+        """Topic, field and unit ("/diag.exposure us") of each exposure value, by its name."""
+
+        def __init__(self, **places: str) -> None:
+            """Take the place of each value of `pipeline.core.exposure.FIELDS` that has one."""
+
+else:  # a field of text for each row of the table
+    ExposureFields = make_dataclass(
+        "ExposureFields",
+        [(name, str, "") for name in FIELDS],
+        frozen=True,
+        slots=True,
+        namespace={"__module__": __name__},
+    )
+NO_EXPOSURE_FIELDS = ExposureFields()
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +228,7 @@ class CameraConfig:
     roll_std_deg: float = 0.0
     pose_correlation: tuple[float, ...] = ()  # height with tilt, height with roll, tilt with roll
     roi_xyxy_px: tuple[float, ...] = ()  # the paper's cropping: one object fills this region
-    exposure: ExposureFields = ExposureFields()  # other channels, before what exposure messages say
+    exposure: ExposureFields = NO_EXPOSURE_FIELDS  # other channels, before exposure messages
 
     def __post_init__(self) -> None:
         """Refuse correlations that are none."""

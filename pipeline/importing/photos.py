@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
@@ -27,17 +27,13 @@ from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
-    timestamp,
 )
-from pipeline.messages.exposure import EXPOSURE_NAMES
-from schemas.stadimeter_pb2 import CameraExposure
+from pipeline.messages.exposure import exposure_message
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp"})
 UPRIGHT = 1.0  # EXIF Orientation
 # Photos of one camera in the same second, whose EXIF has no fraction, follow each other by this.
 _BURST_NS = 1_000_000
-_NAMES = {field: name for name, field in EXPOSURE_NAMES.items()}
-_WHOLE = frozenset({"sensor_width_px", "sensor_height_px"})
 _OFFSET = re.compile(r"^([+-])(\d{2}):?(\d{2})$")
 
 
@@ -199,11 +195,7 @@ def _write(writer: RecordingWriter, photo: Photo, camera: CameraConfig) -> None:
     if intrinsics is not None and source == "camera_file":
         calibration = calibration_message(intrinsics, photo.time_ns, photo.camera)
         writer.write(f"{prefix}/calibration", calibration, photo.time_ns)
-    exposure = CameraExposure(timestamp=timestamp(photo.time_ns), frame_id=photo.camera)
-    for field in fields(Exposure):
-        value = getattr(photo.exposure, field.name)
-        if not math.isnan(value):
-            setattr(exposure, _NAMES[field.name], int(value) if field.name in _WHOLE else value)
+    exposure = exposure_message(photo.exposure, photo.time_ns, photo.camera)
     writer.write(f"{prefix}/exposure", exposure, photo.time_ns)
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from pipeline.core.config import CameraConfig, IngestConfig
 from pipeline.core.diagnostics import Notes
 from pipeline.core.errors import MissingLibrary, UndecodableImage, UnsupportedChannel
-from pipeline.core.exposure import EXPOSURE_FIELDS, UNKNOWN_EXPOSURE, Exposure
+from pipeline.core.exposure import FIELDS, UNKNOWN_EXPOSURE, Exposure
 from pipeline.core.records import Diagnostic, Frame, Pairing, RawLayout, Severity
 from pipeline.images.exif import exif_block, exposure_of, read_tags
 from pipeline.images.header import image_size
@@ -315,7 +315,7 @@ class FrameAssembler:
         for sentence in refused:
             self._tell_of_picture(Severity.WARNING, "invalid_exposure", sentence, waiting)
         if found is None:
-            known = any(not math.isnan(getattr(own, name)) for name in EXPOSURE_FIELDS)
+            known = any(not math.isnan(getattr(own, name)) for name in FIELDS)
             return Paired(own, Pairing.EMBEDDED, 0) if known else None
         return found._replace(value=filled(found.value, own))
 

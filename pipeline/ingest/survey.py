@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
-from pipeline.core.exposure import EXPOSURE_FIELDS, Exposure
+from pipeline.core.exposure import FIELDS, Exposure
 from pipeline.core.records import Frame, Intrinsics, Pairing
 from pipeline.images.header import image_size
 from pipeline.ingest.frames import FrameAssembler
@@ -90,7 +90,7 @@ class CameraSurvey:
         self._widen(frame.exposure)
 
     def _widen(self, exposure: Exposure) -> None:
-        for name in EXPOSURE_FIELDS:
+        for name in FIELDS:
             value = getattr(exposure, name)
             if value == value:
                 low, high = self.exposure_ranges.get(name, (value, value))
@@ -102,7 +102,8 @@ class CameraSurvey:
         known = self.exposure_ranges
         if "f_number" not in known:
             lacks.append("no f-number: the methods `aperture` and `defocus` do not apply")
-        if self.intrinsics is None and not {"focal_length_mm", "pixel_pitch_x_um"} <= set(known):
+        by_lens = {"focal_length_mm", "pixel_pitch_x_um"} <= set(known)
+        if self.intrinsics is None and not by_lens and "focal_length_35mm_mm" not in known:
             lacks.append(
                 "no lens data (a calibration, or focal length and pixel pitch): distances can be told "
                 "only if enough people walk here to find the focal length; give them in a camera file"

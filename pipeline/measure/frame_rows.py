@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 
 import numpy as np
 import pyarrow as pa
 
+from pipeline.core.exposure import FIELDS
 from pipeline.core.lens import Lens
 from pipeline.core.records import Frame
 from pipeline.core.tables import FRAMES, GROUND_TRUTH
@@ -15,6 +17,9 @@ from pipeline.optics.exposure import exposure_value_100, scene_luminance_cd_m2
 from pipeline.store.parquet_parts import as_table
 
 Row = dict[str, object]
+
+_STORED = tuple(row.name for row in FIELDS.values() if row.stored)
+_OF_LENS = frozenset(f.name for f in fields(Lens))
 
 
 def frame_row(seen: Seen, lens: Lens) -> Row:
@@ -38,19 +43,8 @@ def frame_row(seen: Seen, lens: Lens) -> Row:
 
 
 def _exposure_columns(frame: Frame, lens: Lens) -> Row:
-    """Return exposure and lens: of the camera's own words, completed by the camera file."""
-    exposure = frame.exposure
-    return {
-        "exposure_time_s": exposure.exposure_time_s,
-        "f_number": lens.f_number,
-        "iso_speed": exposure.iso_speed,
-        "exposure_bias_ev": exposure.exposure_bias_ev,
-        "gain_db": exposure.gain_db,
-        "focal_length_mm": lens.focal_length_mm,
-        "focus_distance_m": lens.focus_distance_m,
-        "pixel_pitch_x_um": lens.pixel_pitch_x_um,
-        "pixel_pitch_y_um": lens.pixel_pitch_y_um,
-    }
+    """Return the stored exposure fields: of the lens as it is used, the others as recorded."""
+    return {name: getattr(lens if name in _OF_LENS else frame.exposure, name) for name in _STORED}
 
 
 def frames_table(rows: Sequence[Row]) -> pa.Table:

@@ -149,7 +149,21 @@ class CameraStage:
         if complaint:
             self._note(frame, "doubtful_calibration", complaint)
         if found is not None:
+            self._note_rounding(frame, source, lens)
             self.intrinsics, self._intrinsics_source = found, source
+
+    def _note_rounding(self, frame: Frame, source: str | None, lens: Lens) -> None:
+        """Say that angles come from a focal length that cameras round to a millimetre."""
+        if source == "lens_data" and lens.by_equivalent:
+            share = 0.5 / lens.focal_length_35mm_mm
+            self._note(
+                frame,
+                "rounded_focal_length",
+                f"no pixel pitch is stated: the focal length for 35 mm film, "
+                f"{lens.focal_length_35mm_mm:g} mm, stands for it; it is rounded to a millimetre, "
+                f"so distances are unsure by up to {share:.1%} more than their intervals say; give "
+                "fx_px or pixel_pitch_x_um in a camera file",
+            )
 
     def row(self, frame_id: str | None, pose: CameraPose | None) -> pa.Table:
         """Return the camera as a row of the table `cameras`."""

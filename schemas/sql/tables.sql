@@ -120,8 +120,10 @@ CREATE TABLE IF NOT EXISTS frames (
     f_number              DOUBLE,
     iso_speed             DOUBLE,
     exposure_bias_ev      DOUBLE,
+    brightness_ev         DOUBLE,
     gain_db               DOUBLE,
     focal_length_mm       DOUBLE,
+    focal_length_35mm_mm  DOUBLE,
     focus_distance_m      DOUBLE,
     pixel_pitch_x_um      DOUBLE,
     pixel_pitch_y_um      DOUBLE,
@@ -147,8 +149,10 @@ COMMENT ON COLUMN frames.exposure_time_s IS 'Exposure time (shutter speed).';
 COMMENT ON COLUMN frames.f_number IS 'f-number: focal length over aperture diameter.';
 COMMENT ON COLUMN frames.iso_speed IS 'Photographic sensitivity (ISO).';
 COMMENT ON COLUMN frames.exposure_bias_ev IS 'Exposure bias.';
+COMMENT ON COLUMN frames.brightness_ev IS 'Brightness of the scene as the camera metered it (APEX, EXIF BrightnessValue).';
 COMMENT ON COLUMN frames.gain_db IS 'Sensor gain, where ISO is not known.';
 COMMENT ON COLUMN frames.focal_length_mm IS 'Focal length.';
+COMMENT ON COLUMN frames.focal_length_35mm_mm IS 'Focal length before 35 mm film that sees the same angle across the diagonal; it gives the pixel pitch where none is stated.';
 COMMENT ON COLUMN frames.focus_distance_m IS 'Distance on which the lens is focused; infinity is a value, NULL is unknown.';
 COMMENT ON COLUMN frames.pixel_pitch_x_um IS 'Horizontal pitch of the pixels of the stored picture, on the sensor.';
 COMMENT ON COLUMN frames.pixel_pitch_y_um IS 'Vertical pitch of the pixels of the stored picture, on the sensor.';
