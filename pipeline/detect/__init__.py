@@ -34,11 +34,11 @@ class Detector(Protocol):
 
     @property
     def full_resolution(self) -> bool:
-        """Whether it needs every pixel of the stored picture."""
+        """Return whether it needs every pixel of the stored picture."""
 
     @property
     def runs_on_opencv(self) -> bool:
-        """Whether OpenCV runs a network for it, which wants all cores for one picture at a time."""
+        """Return whether OpenCV runs a network for it, which wants all cores."""
 
     def prepared(self, picture: Picture) -> Picture:
         """Return a picture with what can be done to it alone: in any order, in several threads."""

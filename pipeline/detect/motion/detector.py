@@ -39,7 +39,7 @@ BoxArray = npt.NDArray[np.intp]
 
 
 class Foreground(NamedTuple):
-    """What differs from the background, (h, w) each."""
+    """Masks of the difference from the background, (h, w) each."""
 
     mask: Image  # 255 where bodies are, shadows taken out
     raw: Image  # the same with shadows
@@ -49,7 +49,7 @@ class Foreground(NamedTuple):
 
 
 class Silhouettes(NamedTuple):
-    """What is in the foreground."""
+    """Objects in the foreground."""
 
     pieces: Pieces  # one person each
     whole: BoxArray  # of which all is seen, groups as one

@@ -17,16 +17,11 @@ from pipeline.core.errors import StadimeterError, UnusableModel, UsageError, Whe
 from pipeline.core.records import Boxes, Expected, Frame
 from pipeline.detect.network.backends import Backend, dtype_of, make_backend
 from pipeline.detect.network.coco import COCO, COCO_WITH_GAPS
+from pipeline.detect.network.families import FAMILIES, class_count_of, recognise
 from pipeline.detect.network.input import fill, normalised, place
 from pipeline.detect.network.onnx_file import OnnxFile, Tensor, read_onnx_file
-from pipeline.detect.network.output import (
-    FAMILIES,
-    Candidates,
-    class_count_of,
-    decode,
-    recognise,
-    suppress,
-)
+from pipeline.detect.network.output import Candidates, decode
+from pipeline.detect.network.suppression import suppress
 from pipeline.images.decode import Picture
 
 Array = npt.NDArray[np.generic]
