@@ -1,4 +1,4 @@
-"""What a recording and a camera file together say of a lens, in pixels of the stored picture."""
+"""Lens by recording and camera file together, in pixels of the stored picture."""
 
 from __future__ import annotations
 

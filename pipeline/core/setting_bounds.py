@@ -25,7 +25,7 @@ class Bound:
     zero_is_open: bool = False  # whether zero stands for "decide by yourself"
 
     def holds(self, value: float) -> bool:
-        """Whether a value is possible; an infinite one is only where the bound is infinite."""
+        """Return whether a value is possible; an infinite one is only where the bound is infinite."""
         if self.zero_is_open and value == 0:
             return True
         above = value > self.low if self.above_low else value >= self.low

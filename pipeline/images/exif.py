@@ -1,4 +1,4 @@
-"""What a picture says of its own exposure: EXIF in JPEG, PNG and WebP.
+"""Exposure from the EXIF inside JPEG, PNG and WebP pictures.
 
 A small reader of TIFF directories, bounded by the bytes of the block. Values are returned as they
 are written; `exposure_of` gives them our names and units.
@@ -196,7 +196,7 @@ def _value(block: bytes, order: str, kind: int, length: int, at: int) -> Value |
 
 
 def _unknown_rational(block: bytes, order: str, at: int) -> bool:
-    """Whether the numerator is 0xFFFFFFFF, which EXIF 2.32 defines as unknown for BrightnessValue."""
+    """Return whether the numerator is 0xFFFFFFFF: an unknown BrightnessValue (EXIF 2.32)."""
     start = int(_number(block, order + "I", at))
     return start <= len(block) - 8 and _number(block, order + "I", start) == 0xFFFFFFFF
 

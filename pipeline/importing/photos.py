@@ -1,4 +1,4 @@
-"""Folders of photos become a recording: pictures as they are, their EXIF as exposure messages.
+"""Recording made of folders of photos: pictures as they are, their EXIF as exposure messages.
 
 A photo keeps its bytes, unless its EXIF says that it has to be turned: then it is turned, and encoded
 anew. Cameras are told apart by make and model, or are one under a given name.
@@ -39,7 +39,7 @@ _OFFSET = re.compile(r"^([+-])(\d{2}):?(\d{2})$")
 
 @dataclass(frozen=True, slots=True)
 class PhotoImport:
-    """How photos are brought in; times without an offset are in `zone`."""
+    """Options of an import of photos; times without an offset are in `zone`."""
 
     camera: str | None = None  # None: by make and model
     zone: timezone = UTC
@@ -62,7 +62,7 @@ class Photo:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """How many photos came in of which camera, and what there is to say of some."""
+    """Number of photos by camera, and remarks on some."""
 
     counts: dict[str, int]
     remarks: list[str]
@@ -78,7 +78,7 @@ def photo_files(sources: Sequence[Path]) -> list[Path]:
 
 
 def are_photos(sources: Sequence[Path]) -> bool:
-    """Whether what is to be imported are photos, or a video."""
+    """Return whether what is to be imported are photos, or a video."""
     return all(s.is_dir() or s.suffix.lower() in SUFFIXES for s in sources)
 
 

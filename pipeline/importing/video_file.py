@@ -1,4 +1,4 @@
-"""A video file becomes a recording: pictures as JPEG, and what is known of the lens beside them."""
+"""Recording made of a video file: pictures as JPEG, with the known lens data."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class UnreadableVideo(StadimeterError):
 
 @dataclass(frozen=True, slots=True)
 class VideoImport:
-    """What to take of a video, and how to store it.
+    """Part of a video to take, and how to store it.
 
     `start_time_ns` is when its first frame was taken. `scale` shrinks the pictures. `from_s` and
     `duration_s` cut an excerpt; the times of its frames stay those of the whole video.

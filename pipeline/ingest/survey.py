@@ -1,4 +1,4 @@
-"""What is in a recording, what is missing and what is damaged, without decoding a picture."""
+"""Survey of a recording: its content, gaps and damage, without decoding a picture."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _picture_of(frame: Frame) -> str:
 
 @dataclass(slots=True)
 class ChannelSurvey:
-    """How much one topic holds."""
+    """Content of one topic."""
 
     topic: str
     schema_name: str
@@ -43,7 +43,7 @@ class ChannelSurvey:
 
 @dataclass(slots=True)
 class CameraSurvey:
-    """What one camera's frames come with."""
+    """Content of one camera's frames."""
 
     camera: str
     topic: str
@@ -113,7 +113,7 @@ class CameraSurvey:
 
 @dataclass(slots=True)
 class Survey:
-    """What `stadimeter inspect` tells of a recording.
+    """Facts that `stadimeter inspect` tells of a recording.
 
     Of a large one a part was read, up to `read_bytes`; `span_ns` is then what its summary says.
     """
@@ -130,7 +130,7 @@ class Survey:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every byte was read, and every CRC checked."""
+        """Return whether every byte was read, and every CRC checked."""
         return self.content_sha256 is not None
 
 

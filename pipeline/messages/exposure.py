@@ -24,7 +24,7 @@ def camera_exposure(tree: Tree) -> Decoded:
 
 
 def names_exposure(names: Collection[str]) -> bool:
-    """Whether an object with these names is an exposure: a name with its unit is hardly chance."""
+    """Return whether an object with these names is an exposure: a name with its unit is hardly chance."""
     return any(row.message_name in names for row in FIELDS.values())
 
 

@@ -43,7 +43,7 @@ from pipeline.store.track_rows import tracks_of
 
 @dataclass(frozen=True, slots=True)
 class TruthOptions:
-    """How calibrations are fitted to truth."""
+    """Options of fits of calibrations to truth."""
 
     methods: Sequence[CalibratedMethod]
     robust: bool = False
@@ -54,7 +54,7 @@ class TruthOptions:
 
 @dataclass(frozen=True, slots=True)
 class FittedToTruth:
-    """What truth gave: calibrations and size priors to use, and fits that say nothing."""
+    """Results of fits to truth: calibrations and size priors to use, and fits that say nothing."""
 
     calibrations: list[Calibration]
     priors: list[SizePrior]
@@ -115,7 +115,7 @@ def calibrate_stored_truth(
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What walkers gave of a camera: its pose and, where nothing told it, its lens."""
+    """Results from walkers for one camera: its pose and, where nothing told it, its lens."""
 
     plane: GroundPlane
     lens: FoundLens | None = None

@@ -76,7 +76,7 @@ def measure_recording(
 
 
 class Kept(NamedTuple):
-    """What is left of a frame until its batch is written: no pixels."""
+    """The rest of a frame that stays until its batch is written: no pixels."""
 
     seen: Seen
     frame_row: Row
@@ -192,7 +192,7 @@ class FirstPass:
 
 
 class Written(NamedTuple):
-    """How much of a recording has been written as rows."""
+    """Extent of a recording that has been written as rows."""
 
     frames: int = 0
     observations: int = 0

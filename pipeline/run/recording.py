@@ -1,4 +1,4 @@
-"""What is done with one recording: measure it, commit it with its estimates, write its timelines."""
+"""One recording: measured, committed with its estimates, written as timelines."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.store.recordings import RecordingRow, replace_recording
 
 @dataclass(slots=True)
 class Outcome:
-    """What became of one recording."""
+    """Outcome of one recording."""
 
     path: Path
     recording: RecordingRow | None = None

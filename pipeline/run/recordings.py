@@ -39,7 +39,7 @@ LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "re
 
 @dataclass(slots=True)
 class RunResult:
-    """What became of all of them."""
+    """Outcome of all recordings of a run."""
 
     run_id: str
     outcomes: list[Outcome] = field(default_factory=list)

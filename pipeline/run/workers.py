@@ -26,7 +26,7 @@ from pipeline.store.scratch import Begun, own_store
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """What a worker is to do with a recording."""
+    """Orders for a worker: one recording, and how to work it."""
 
     path: Path
     config: Config
@@ -37,7 +37,7 @@ class Work:
 
 @dataclass(frozen=True, slots=True)
 class Worked:
-    """What a worker made of a recording."""
+    """Result of a worker for one recording."""
 
     outcome: Outcome
     files: dict[str, Path]  # of rows, by table
