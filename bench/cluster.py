@@ -117,7 +117,7 @@ def main() -> None:
             one_s, two_s = (seconds_of_run(paths, folder / engine, engine, n) for n in (1, 2))
             rows.append([engine, f"{one_s:.1f}", f"{two_s:.1f}", f"{one_s / two_s:.2f}"])
         print_rows(
-            f"{RECORDINGS} recordings of {FRAMES} frames at 720p, start included, a core a worker",
+            f"{RECORDINGS} recordings of {FRAMES} frames at 720p, start included, a core per worker",
             ("engine", "1 worker, s", "2 workers, s", "ratio"),
             rows,
         )

@@ -68,7 +68,9 @@ def write_review(store: Store, review: Review, target: Path, config: Config) -> 
     rows = [find_recording(store, name) for name in review.recordings]
     rows = list({row["recording_id"]: row for row in rows}.values())
     if len(rows) > 1 and review.track is not None:
-        raise UsageError("--track is of one recording", remedy="Give the one that it is in")
+        raise UsageError(
+            "--track needs exactly one recording", remedy="Give the recording of the track"
+        )
     moment_ns = None if review.at is None else _moment_ns(store, review, rows[0])
     sources, remarks = [], []
     for row in rows:
@@ -105,7 +107,7 @@ def find_recording(store: Store, name: str) -> dict[str, Any]:
         there = ", ".join(row["file_name"] for row in rows[:10]) or "none"
         raise UsageError(
             f"no recording {name!r} is in the database; there are: {there}",
-            remedy="`stadimeter run` puts it there",
+            remedy="Measure it first, with `stadimeter run`",
         )
     if len(found) > 1:
         ids = ", ".join(row["recording_id"] for row in found)
@@ -114,15 +116,15 @@ def find_recording(store: Store, name: str) -> dict[str, Any]:
     file = given if given.is_file() else Path(row["path"])
     if not file.is_file():
         raise UsageError(
-            "its pictures are gone: there is no such file",
+            "cannot show pictures: there is no such file",
             where=Where(file),
-            remedy="Give the recording by the path that it has now",
+            remedy="Give the path at which the recording is now",
         )
     if file.stat().st_size != row["size_bytes"]:
         raise UsageError(
-            f"is not the file that was measured: that had {row['size_bytes']:,} bytes",
+            f"is not the file that was measured, which had {row['size_bytes']:,} bytes",
             where=Where(file),
-            remedy="Run it again, or give the file that was measured",
+            remedy="Measure it again with `stadimeter run`, or give the file that was measured",
         )
     return row | {"file": str(file)}
 
@@ -201,7 +203,7 @@ def _frames_of_track(store: Store, review: Review, row: dict[str, Any]) -> tuple
     if len(found) > 1:
         names = ", ".join(sorted(r["camera"] for r in found))
         raise UsageError(
-            f"track {review.track} is of several cameras: {names}", remedy="Say which with --camera"
+            f"several cameras have a track {review.track}: {names}", remedy="Name one with --camera"
         )
     return int(found[0]["low"]), int(found[0]["high"])
 

@@ -94,7 +94,7 @@ def test_a_moment_is_found_however_it_is_written(at: str, store: Store, tmp_path
         (Review(["people"], at="#99"), "no frame #99"),
         (Review(["people"], track=77), "no track 77"),
         (Review(["people"], track=0, camera="nowhere"), "no track 0"),
-        (Review(["people", "it's"], track=0), "of one recording"),
+        (Review(["people", "it's"], track=0), "exactly one recording"),
     ],
 )
 def test_what_is_not_there_is_said(
