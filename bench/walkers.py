@@ -2,12 +2,12 @@
 
     python -m bench.walkers --cameras 100
 
-Boxes only: people of normal stature walk straight paths before a camera of random height, tilt, roll
-and focal length; heads bob and feet swing as in a gait, boxes end where the outline of a body does
-(`optics.silhouette`; that rendered bodies do is shown by `bench.scenes`) and are off by noise that stays
-for half a second, and some boxes hold two people or half of one. In a second set of scenes everybody
-passes behind a wall that no box tells of, for a second or two. No picture is drawn: this tests geometry
-and statistics, not the detector.
+Boxes only: people of a crowd that no prior knows (`recordings.crowd`) walk straight paths before a camera
+of random height, tilt, roll and focal length; heads bob and feet swing as in a gait, boxes end where the
+outline of a body does (`optics.silhouette`; that rendered bodies do is shown by `bench.scenes`) and are
+off by noise that stays for half a second, and some boxes hold two people or half of one. In a second set
+of scenes everybody passes behind a wall that no box tells of, for a second or two. No picture is drawn:
+this tests geometry and statistics, not the detector.
 
 `fused` is compared with its best member, the surest being the ground: with what is drawn here, and the
 error of the median over one camera's people being what it is, cameras differ by a few hundredths.
@@ -25,14 +25,15 @@ from pipeline.calibrate.walkers.focal_length import calibrate_lens_from_walkers
 from pipeline.calibrate.walkers.pose import calibrate_from_walkers
 from pipeline.cli.console import out, print_rows
 from pipeline.core.arrays import FloatArray
-from pipeline.core.config import ADULT, POPULATION_MEAN_STD_M, Config
+from pipeline.core.calibration import Method
+from pipeline.core.config import ADULT, Config
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.core.records import GroundPlane, Intrinsics
 from pipeline.estimate.boxes.quality import assess
 from pipeline.estimate.boxes.reach import with_reach
 from pipeline.estimate.estimate_tracks import fuse
 from pipeline.estimate.gait import EXCURSION_M, GAIT_DROP_M, GAIT_DROP_STD_M, as_standing
-from pipeline.estimate.methods import FUSED, GROUND, ground, size
+from pipeline.estimate.methods import ground, size
 from pipeline.estimate.track_heights import track_heights
 from pipeline.estimate.types import Measured
 from pipeline.optics.ground_plane import (
@@ -50,6 +51,7 @@ from pipeline.optics.silhouette import (
     silhouette_rows,
     steepness,
 )
+from recordings.crowd import Crowd
 
 FRAME_NS = 100_000_000
 WIDTH_PX, HEIGHT_PX = 1280, 720
@@ -76,7 +78,7 @@ def scene(
     bad_share: float = 0.1,
     wall_share: float = 0.0,
 ) -> Scene:
-    """Return a scene of a number of people; a share of the boxes hold two people or half of one.
+    """Return a scene of so many people, of whom a share is two in one box or half hidden.
 
     Another share passes behind a wall, which hides their feet for a while.
 
@@ -88,12 +90,11 @@ def scene(
         intrinsics = Intrinsics(WIDTH_PX, HEIGHT_PX, focal_px, focal_px, *centre_px)
         tilt_rad, roll_rad = np.deg2rad(random.uniform(5, 45)), np.deg2rad(random.normal(0, 2))
         plane = GroundPlane(random.uniform(2.5, 8.0), tilt_rad, roll_rad)
-        # who walks here is not the population: another country, other shoes
-        local_mean_m = random.normal(ADULT.mean_m, POPULATION_MEAN_STD_M)
+        crowd = Crowd.drawn(random)
         shoes = random.normal(0, REACH_COMMON_STD)
         boxes, depths, ids, times, heights = [], [], [], [], []
         for _ in range(30 * people):
-            tall_m = random.normal(local_mean_m, ADULT.std_m)
+            tall_m = crowd.stature_m(random)
             walking_m = tall_m - max(random.normal(GAIT_DROP_M, GAIT_DROP_STD_M), 0.0)
             walk = _walk(random, plane, intrinsics, walking_m, shoes)
             if walk is None:
@@ -232,20 +233,19 @@ class Score:
     pose_z: FloatArray  # camera height, tilt, roll
 
 
-def score(simulated: Scene, plane: GroundPlane, method: str = FUSED) -> Score:
+def score(simulated: Scene, plane: GroundPlane, method: Method = Method.FUSED) -> Score:
     """Return how good the estimates with this pose are."""
     measured = replace(simulated.measured, ground_plane=plane)
     quality = assess(measured)
-    config = Config()
-    geometry = ground.with_scatter(with_reach(quality.applied(measured)), config)
+    geometry = ground.with_scatter(with_reach(quality.applied(measured)))
     members = {
-        GROUND: ground.estimate(geometry, config),
-        "size": size.estimate(geometry, config),
+        Method.GROUND: ground.estimate(geometry),
+        Method.SIZE: size.estimate(geometry, Config()),
     }
-    found, members, _ = fuse(geometry, members, quality, config)
-    if method != FUSED:
-        seen = members[method]
-        found = as_standing(measured, seen, found.speed_m_s, seen.height_assumed)
+    found, _ = fuse(geometry, members, quality, Config())
+    if method is not Method.FUSED:
+        speed_m_s, found = found.speed_m_s, members[method]
+        as_standing(measured, found, speed_m_s, found.height_assumed)
     table = track_heights(measured, found, method, [ADULT])
     track, plausible = table["track_id"].to_numpy(), table["height_plausible"].to_pylist()
     one = np.array([p is not False for p in plausible])
@@ -271,7 +271,7 @@ def score(simulated: Scene, plane: GroundPlane, method: str = FUSED) -> Score:
     )
 
 
-METHODS = (GROUND, FUSED)
+METHODS = (Method.GROUND, Method.FUSED)
 LABELS = ("pose known", "pose from walkers", "lens and pose from walkers")
 
 
@@ -297,7 +297,7 @@ def main() -> None:
     focal: list[tuple[float, float]] = []
     for title, wall_share in (("in the open", 0.0), ("behind a wall", 1.0)):
         random = np.random.default_rng(4)
-        scores: dict[str, dict[str, list[Score]]] = {
+        scores: dict[str, dict[Method, list[Score]]] = {
             label: {m: [] for m in METHODS} for label in LABELS
         }
         for _ in range(arguments.cameras):
@@ -317,15 +317,15 @@ def main() -> None:
         found = scores["pose from walkers"]
         out.print(
             f"{title}: {arguments.cameras} cameras, {arguments.people} people each, one in ten "
-            f"boxed badly: {len(found[FUSED])} poses found, the others refused"
+            f"boxed badly: {len(found[Method.FUSED])} poses found, the others refused"
         )
         if not wall_share:
-            poses = np.array([s.pose_z for s in found[FUSED]]).reshape(-1, 3)
+            poses = np.array([s.pose_z for s in found[Method.FUSED]]).reshape(-1, 3)
         for label, by_method in scores.items():
             for method in METHODS:
                 if by_method[method]:
-                    cells = _row(by_method[method], by_method[GROUND])
-                    rows.append([title, label, method, *cells])
+                    cells = _row(by_method[method], by_method[Method.GROUND])
+                    rows.append([title, label, str(method), *cells])
     header = (
         "",
         "",

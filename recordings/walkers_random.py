@@ -11,18 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.core.config import POPULATION_MEAN_STD_M
 from pipeline.core.records import GroundPlane, Intrinsics
+from recordings.crowd import CHILD_M, Crowd
 from recordings.walkers_body import Build, Floats, Path
 from recordings.walkers_scene import Person, Scene, Settings, Walk, ends_m
 from recordings.walkers_things import Thing, bench, car, pole, sign, tree
 from recordings.walkers_view import View
 
 NEAREST_M, FARTHEST_M = 4.0, 45.0  # depths at which people pass
-# Stature of men and women, shod, as the population of pipeline.core.config.ADULT. The mean of those who
-# happen to walk here lies off the population's as far as the self-calibration is told it may.
-MEN_M, WOMEN_M, WITHIN_SEX_M = 1.74, 1.62, 0.066
-CHILD_M = (1.05, 1.45)
 CHILDREN, RUNNERS, STOPPERS, CURVED, IN_GROUPS = 0.08, 0.05, 0.15, 0.35, 0.3
 APART_M = 0.55  # of people's axes, unless they walk together
 TRIES = 60  # at a path for one person, before the camera is drawn again
@@ -30,7 +26,7 @@ SEEN_FRAMES = 12  # for which a person must be wholly in the picture
 
 
 def make_scene(settings: Settings) -> Scene:
-    """Return the scene of a seed; a camera without room for a person to walk is drawn again."""
+    """Return the scene of a seed; a camera before which nobody could walk is drawn again."""
     random = np.random.default_rng((4595, settings.seed))
     while True:
         view = random_view(random, settings.width_px, settings.height_px)
@@ -117,7 +113,7 @@ def _random_things(random: np.random.Generator, view: View, main_rad: float) -> 
 
 
 def _seat(person: Person) -> Thing:
-    """Return the bench of a person who sits: behind the feet, which are the person's position."""
+    """Return the bench below who sits: behind the feet, which are the person's place."""
     path = person.walk.path
     back_m = 0.27 * person.build.height_m
     x_m = path.x_m - back_m * np.cos(path.heading_rad)
@@ -132,13 +128,13 @@ def _random_people(
     things: list[Thing],
     main_rad: float,
 ) -> list[Person]:
-    """Return the people of a scene; a bench for those who sit is added to the things."""
+    """Return who walks here; a bench for who sits is added to the things."""
     people: list[Person] = []
-    local_m = random.normal(0, POPULATION_MEAN_STD_M)
+    crowd = Crowd.drawn(random)
     sits = random.uniform() < 0.4
     while len(people) < settings.people:
         # Who walks here must not depend on who fits into the picture: the body first, then a path.
-        build, colours = _random_build(random, local_m), _random_colours(random)
+        build, colours = _random_build(random, crowd), _random_colours(random)
         sits = sits and not build.runs
         for _ in range(TRIES):
             first = _random_person(random, settings, view, main_rad, build, colours, sits=sits)
@@ -155,7 +151,7 @@ def _random_people(
             things.append(seat)
         people.append(first)
         if not sits and random.uniform() < IN_GROUPS and len(people) < settings.people:
-            beside = _beside(random, first, local_m)
+            beside = _beside(random, first, crowd)
             if _free(beside, [p for p in people if p is not first], things):
                 people.append(beside)
         sits = False
@@ -209,9 +205,9 @@ def _random_person(
     return Person("", build, Walk(path, along_m, speed, seated), cruise, colours)
 
 
-def _beside(random: np.random.Generator, first: Person, local_m: float) -> Person:
-    """Return a companion of a person: the same path and speed, with another stride."""
-    build = replace(_random_build(random, local_m), runs=first.build.runs)
+def _beside(random: np.random.Generator, first: Person, crowd: Crowd) -> Person:
+    """Return who walks with somebody: the same way at the same speed, with another stride."""
+    build = replace(_random_build(random, crowd), runs=first.build.runs)
     side = random.choice([-1, 1]) * random.uniform(0.6, 0.85)
     path = first.walk.path
     x_m = path.x_m - side * np.sin(path.heading_rad)
@@ -224,11 +220,11 @@ def _beside(random: np.random.Generator, first: Person, local_m: float) -> Perso
     return Person("", build, moved, first.cruise_m_s * bend, _random_colours(random))
 
 
-def _random_build(random: np.random.Generator, local_m: float) -> Build:
+def _random_build(random: np.random.Generator, crowd: Crowd) -> Build:
     if random.uniform() < CHILDREN:
         tall_m = random.uniform(*CHILD_M)
         return Build(tall_m, random.uniform(0.95, 1.15), head_share=1.7 / tall_m * 0.93)
-    tall_m = random.choice([MEN_M, WOMEN_M]) + random.normal(0, WITHIN_SEX_M) + local_m
+    tall_m = crowd.stature_m(random)
     return Build(
         float(tall_m),
         girth=random.uniform(0.92, 1.2),

@@ -22,7 +22,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """A fixed thing that hides people behind it."""
+    """Something fixed that hides who walks behind it."""
 
     kind: str
     place: tuple[float, float]

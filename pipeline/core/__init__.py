@@ -1,1 +1,1 @@
-"""Records, configuration and errors that every stage shares."""
+"""Core."""

@@ -57,7 +57,7 @@ def write_camera_file(path: Path, config: Config) -> None:
 
 
 def _reads_as(path: Path, config: Config) -> bool:
-    """Return whether a file says what it should: unusual text may not be cut at its headers."""
+    """Whether a file says what it should: unusual text may not be cut at its headers."""
     try:
         return repr(read_config(path)) == repr(config)
     except UsageError:
@@ -86,7 +86,7 @@ def _section_names() -> list[str]:
 
 
 def _is_table(block: str) -> bool:
-    """Return whether a block opens a table: keys of the file itself must stand before all tables."""
+    """Whether a block opens a table: keys of the file itself must stand before all tables."""
     return block.startswith("[")
 
 
@@ -132,6 +132,8 @@ def _block(name: str, config: Config) -> str:
     default = next(f.default for f in fields(Config) if f.name == name)
     if repr(value) == repr(default):
         return ""
+    if isinstance(value, str):
+        return f"{name} = {_scalar(value, name)}\n"
     if is_dataclass(value):
         lines = _lines(value, name)
         return "\n".join([f"[{name}]", *lines, ""]) if lines else ""

@@ -23,16 +23,16 @@ import tomllib
 import types
 import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass, make_dataclass, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.core.arrays import NAN
 from pipeline.core.calibration import Calibration, Dimension
 from pipeline.core.errors import UsageError, Where
-from pipeline.core.exposure import FIELDS
 from pipeline.core.setting_bounds import impossible_settings
+from pipeline.core.stature import adults_of, adults_of_anywhere
 
 # A hand-held EXIF clock ticks in whole seconds, a camera driver in microseconds; half a frame
 # period at 25 frames/s is the longest time over which an exposure still belongs to one frame only.
@@ -67,7 +67,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class IngestConfig:
-    """Options of assembling frames from messages."""
+    """How messages become frames."""
 
     exposure_tolerance_s: float = EXPOSURE_TOLERANCE_S
     reorder_s: float = 0.25  # messages later than this behind the newest are not waited for
@@ -77,9 +77,9 @@ class IngestConfig:
 
 @dataclass(frozen=True, slots=True)
 class DetectConfig:
-    """Options of detection."""
+    """How objects are found."""
 
-    method: str = "auto"  # auto, or a row of `pipeline.detect.DETECTORS`
+    method: str = "auto"  # auto, recorded, roi, motion, onnx
     # How much of the recording is seen before the first answer: someone walking at 1 m/s leaves
     # every spot within it, so the median of its pictures shows the background.
     learning_s: float = 15.0
@@ -89,7 +89,7 @@ class DetectConfig:
     min_height: float = 0.04
     # What follows is for the method onnx. Relative paths start at the camera file's folder.
     model: str = ""
-    model_family: str = "auto"  # see `pipeline.detect.network.families`
+    model_family: str = "auto"  # see `pipeline.detect.network.output`
     model_classes: tuple[str, ...] = ()  # by index, where the file does not name them
     model_backend: str = "auto"  # auto, onnxruntime, opencv
     model_input_px: int = 0  # side of the input where the file leaves it open; 0: the usual one
@@ -102,7 +102,7 @@ class DetectConfig:
 
 @dataclass(frozen=True, slots=True)
 class TrackConfig:
-    """Options of joining observations into tracks."""
+    """How observations are joined into tracks."""
 
     coast_s: float = 2.0  # a walker passes behind a van or a tree within two seconds
     coast_new_s: float = 0.5  # a track that is not confirmed yet is not worth waiting for
@@ -110,7 +110,7 @@ class TrackConfig:
     min_duration_s: float = 0.4  # or they all came at once
 
     def noisy(self, count: int, duration_s: float) -> bool:
-        """Return whether a track was seen too seldom or too briefly to be an object."""
+        """Whether a track was seen too seldom or too briefly to be an object."""
         return count < self.min_count or duration_s < self.min_duration_s
 
 
@@ -128,12 +128,13 @@ class SizePrior:
 
     @property
     def mean_uncertainty_m(self) -> float:
-        """Deviation of the mean: as stated, else by the size of the sample, else as of adults."""
+        """How sure the mean is: as stated, else by the size of the sample, else as of adults."""
         if math.isfinite(self.mean_std_m):
             return self.mean_std_m
         if self.object_count:
             return self.std_m / math.sqrt(self.object_count)
-        return self.mean_m * POPULATION_MEAN_STD_M / POPULATION_MEAN_M
+        anywhere = adults_of_anywhere()
+        return self.mean_m * anywhere.mean_std_m / anywhere.mean_m
 
     @property
     def any_std_m(self) -> float:
@@ -141,54 +142,58 @@ class SizePrior:
         return math.hypot(self.std_m, 0.0 if math.isnan(self.mean_std_m) else self.mean_std_m)
 
 
-# The mean of the people who happen to walk here differs from the population's, beyond chance. The mean
-# statures of the 200 countries are 19-20 cm apart at most (NCD-RisC 2016, eLife 5:e13410), which of so
-# many normal deviates is 5.5 deviations: 0.036 m. A share of men of 0.5 +- 0.2, who are 0.12 m taller:
-# 0.024 m. Age, at 1 cm a decade of birth and more when old, and shoes, of 1-4 cm: 0.015 m each. Together
-# 0.05 m.
-POPULATION_MEAN_M, POPULATION_MEAN_STD_M = 1.68, 0.05
-# Adult stature in the world's countries lies about 1.59 (women) and 1.71 m (men) with a spread of
-# 0.06-0.07 m within a sex (NCD-RisC 2020, birth cohorts to 1996); a mixed crowd is the mixture of
-# the two, and shoes add about 0.02 m. The mixture's spread is 0.09 m.
+# Adults of no stated country (`pipeline.core.stature` derives the figures).
 ADULT = SizePrior(
     "person",
     Dimension.HEIGHT,
-    POPULATION_MEAN_M,
-    0.09,
-    "adult stature, both sexes, shod (NCD-RisC 2020)",
+    *adults_of_anywhere()[:2],
+    source="adults of any country, shod, as boxes show them (NCD-RisC 2020)",
+    mean_std_m=adults_of_anywhere().mean_std_m,
 )
+POPULATION_MEAN_M, POPULATION_MEAN_STD_M = ADULT.mean_m, ADULT.mean_std_m
+
+
+def adult_of(country: str) -> SizePrior:
+    """Return the stature of the adults of a country, by its two letters in ISO 3166-1.
+
+    Raises:
+        KeyError: no statures of such a country are known.
+    """
+    mean_m, std_m, mean_std_m = adults_of(country)
+    source = f"adults of {country.upper()}, shod, as boxes show them (NCD-RisC 2020)"
+    return SizePrior(
+        "person", Dimension.HEIGHT, mean_m, std_m, source=source, mean_std_m=mean_std_m
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class EstimateConfig:
-    """Options of estimates of depth."""
+    """How sizes become depths."""
 
     extrapolate: bool = False  # use a calibration outside the range in which it was fitted
 
 
-if TYPE_CHECKING:
+@dataclass(frozen=True, slots=True)
+class ExposureFields:
+    """Where a recording keeps exposure values: topic, field and unit ("/diag.exposure us")."""
 
-    @dataclass(frozen=True, slots=True, init=False)
-    class ExposureFields:
-        """Topic, field and unit ("/diag.exposure us") of each exposure value, by its name."""
-
-        def __init__(self, **places: str) -> None:
-            """Take the place of each value of `pipeline.core.exposure.FIELDS` that has one."""
-
-else:  # a field of text for each row of the table
-    ExposureFields = make_dataclass(
-        "ExposureFields",
-        [(name, str, "") for name in FIELDS],
-        frozen=True,
-        slots=True,
-        namespace={"__module__": __name__},
-    )
-NO_EXPOSURE_FIELDS = ExposureFields()
+    exposure_time_s: str = ""
+    f_number: str = ""
+    iso_speed: str = ""
+    exposure_bias_ev: str = ""
+    focal_length_mm: str = ""
+    focus_distance_m: str = ""
+    gain_db: str = ""
+    digital_zoom_ratio: str = ""
+    pixel_pitch_x_um: str = ""
+    pixel_pitch_y_um: str = ""
+    sensor_width_px: str = ""
+    sensor_height_px: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class TimelineConfig:
-    """Options of timelines (`--rrd`, `stadimeter review`)."""
+    """How timelines are written (`--rrd`, `stadimeter review`)."""
 
     preview_px: int | None = None  # the longer side of their pictures; None: as recorded
     split_s: float = 3600.0  # a file an hour: with previews about as much as a viewer holds
@@ -196,12 +201,13 @@ class TimelineConfig:
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """Facts about a camera beside its recordings; NaN is unknown.
+    """What is known of a camera beside its recordings; NaN is unknown.
 
     It fills, and never overrides, what a recording says.
     """
 
     name: str
+    country: str = ""  # whose people pass: two letters (ISO 3166-1); empty: that of the file
     focal_length_mm: float = NAN
     f_number: float = NAN
     focus_distance_m: float = NAN
@@ -228,7 +234,7 @@ class CameraConfig:
     roll_std_deg: float = 0.0
     pose_correlation: tuple[float, ...] = ()  # height with tilt, height with roll, tilt with roll
     roi_xyxy_px: tuple[float, ...] = ()  # the paper's cropping: one object fills this region
-    exposure: ExposureFields = NO_EXPOSURE_FIELDS  # other channels, before exposure messages
+    exposure: ExposureFields = ExposureFields()  # other channels, before what exposure messages say
 
     def __post_init__(self) -> None:
         """Refuse correlations that are none."""
@@ -242,6 +248,7 @@ class CameraConfig:
 class Config:
     """Everything that a run can be told."""
 
+    country: str = ""  # whose people pass the cameras: two letters (ISO 3166-1); empty: unknown
     limits: Limits = Limits()
     ingest: IngestConfig = IngestConfig()
     detect: DetectConfig = DetectConfig()
@@ -258,6 +265,21 @@ class Config:
         heights = [p for p in self.size_prior if p.dimension is Dimension.HEIGHT]
         people = [p for p in heights if p.object_class == ADULT.object_class]
         return next(iter(people + heights), None)
+
+    def of_camera(self, name: str) -> Config:
+        """Return the configuration with the stature of the people who pass a camera.
+
+        A prior that the camera file states goes before the statures of a country.
+        """
+        country = self.camera_named(name).country or self.country
+        if not country:
+            return self
+        others = tuple(p for p in self.size_prior if p != ADULT)
+        if any(
+            p.object_class == ADULT.object_class and p.dimension is ADULT.dimension for p in others
+        ):
+            return self
+        return replace(self, size_prior=(adult_of(country), *others))
 
     def camera_named(self, name: str) -> CameraConfig:
         """Return the entry of a camera, or an empty one."""

@@ -1,4 +1,4 @@
-"""Progress of long work: a plain record that any process can send."""
+"""How long work tells that it is alive: a plain record that any process can send."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Progress(NamedTuple):
-    """Progress of one recording."""
+    """How far a recording is."""
 
     file_name: str
     stage: str  # "measure", "estimate", "timeline", "done"

@@ -18,7 +18,7 @@ from pipeline.core.exposure import Exposure
 
 
 class Pairing(StrEnum):
-    """Origin of the exposure of a frame."""
+    """How a frame came by its exposure."""
 
     NEAREST = "nearest"  # an exposure within the tolerance
     LAST_KNOWN = "last_known"  # none within the tolerance; the last one before the frame
@@ -50,7 +50,7 @@ class FoundLens:
 
 @dataclass(frozen=True, slots=True)
 class Boxes:
-    """Boxes that a detector found in one frame: a structure of n-long arrays."""
+    """What a detector found in one frame: a structure of n-long arrays."""
 
     bbox_xyxy_px: FloatArray  # (n, 4)
     score: FloatArray  # (n,), 0..1
@@ -80,7 +80,7 @@ class Boxes:
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """Predicted boxes of tracks in a frame that is not looked at yet: a structure of n-long arrays."""
+    """Where tracks must be in a frame that is not looked at yet: a structure of n-long arrays."""
 
     bbox_xyxy_px: FloatArray  # (n, 4)
     walked: BoolArray  # (n,), whether they have come from elsewhere
@@ -103,7 +103,7 @@ class TrueObject:
 
 @dataclass(frozen=True, slots=True)
 class RawLayout:
-    """Layout of bare pixels in their bytes; `encoding` is ROS' or Foxglove's name, or i420."""
+    """How bare pixels lie in their bytes; `encoding` is ROS' or Foxglove's name, or i420."""
 
     encoding: str
     width_px: int
@@ -138,7 +138,7 @@ class Frame:
 
 
 class Severity(StrEnum):
-    """Severity of a diagnostic."""
+    """How much a diagnostic matters."""
 
     INFO = "info"
     WARNING = "warning"  # a value was refused or assumed

@@ -10,7 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
-from pipeline.core.exposure import FIELDS
+from pipeline.core.exposure import BOUNDS as EXPOSURE_BOUNDS
+from pipeline.core.stature import MEAN_CM
 
 INFINITY = math.inf
 
@@ -25,7 +26,7 @@ class Bound:
     zero_is_open: bool = False  # whether zero stands for "decide by yourself"
 
     def holds(self, value: float) -> bool:
-        """Return whether a value is possible; an infinite one is only where the bound is infinite."""
+        """Whether a value is possible; an infinite one is only where the bound is infinite."""
         if self.zero_is_open and value == 0:
             return True
         above = value > self.low if self.above_low else value >= self.low
@@ -49,7 +50,7 @@ _LENGTH_STD_M = Bound(0.0, 1e4)
 _DEVIATION_DEG = Bound(0.0, 90.0)
 
 _LENS = {
-    name: Bound(*FIELDS[name].bounds)
+    name: Bound(*EXPOSURE_BOUNDS[name])
     for name in (
         "focal_length_mm",
         "f_number",
@@ -110,7 +111,7 @@ BOUNDS: Mapping[str, Mapping[str, Bound]] = {
     "Parameter": {
         "value": Bound(-1e9, 1e9),
         "std_error": Bound(0.0, 1e9),
-        "f_number": Bound(*FIELDS["f_number"].bounds),
+        "f_number": Bound(*EXPOSURE_BOUNDS["f_number"]),
     },
 }
 
@@ -150,8 +151,10 @@ def _out_of_bounds(node: Any, place: str) -> Iterator[str]:
 def _contradictions(config: Any) -> Iterator[str]:
     """Settings that are possible alone, but not together."""
     names: set[str] = set()
+    yield from _country(config, "country")
     for index, camera in enumerate(getattr(config, "camera", ())):
         key = f"camera[{index}]"
+        yield from _country(camera, f"{key}.country")
         if not camera.name:
             yield f"{key}.name is empty; it must be a frame_id or a topic of images"
         if camera.name in names:
@@ -168,6 +171,12 @@ def _contradictions(config: Any) -> Iterator[str]:
     for index, fitted in enumerate(getattr(config, "calibration", ())):
         if fitted.depth_min_m > fitted.depth_max_m:
             yield f"calibration[{index}].depth_min_m must be at most depth_max_m"
+
+
+def _country(table: Any, key: str) -> Iterator[str]:
+    code = getattr(table, "country", "")
+    if code and code.upper() not in MEAN_CM:
+        yield f'{key} is {code!r}; it must be two letters of ISO 3166-1, such as "GB" or "DE"'
 
 
 def _region(edges: tuple[float, ...], key: str) -> Iterator[str]:

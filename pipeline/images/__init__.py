@@ -1,1 +1,1 @@
-"""Pictures: headers, EXIF, decoding."""
+"""Images."""

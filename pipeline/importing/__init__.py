@@ -1,1 +1,1 @@
-"""Recordings made of videos and photos."""
+"""Importing."""

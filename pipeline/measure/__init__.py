@@ -1,1 +1,1 @@
-"""Measurements that need pixels: brightness, straight edges, blur; and the rows made of them."""
+"""Measure."""

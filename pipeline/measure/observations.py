@@ -1,4 +1,4 @@
-"""Rows of the table `observations`: every object in every frame, as columns."""
+"""What pass 1 keeps of every object in every frame: columns, and nothing but columns."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline.core.arrays import NAN, FloatArray, IntArray
+from pipeline.core.arrays import NAN, BoolArray, FloatArray, IntArray
 from pipeline.core.records import Boxes, Frame
 from pipeline.core.tables import OBSERVATIONS
 from pipeline.images.decode import Picture, relative_luminance_of
@@ -17,6 +17,8 @@ from pipeline.measure.blur.widths import Blur
 
 # A box that comes within this of the picture's edge, in pixels in which the detector works, is cut.
 EDGE_PX = 1.5
+# A recorded box that goes on for more than that beyond the edge is of all of an object.
+BEYOND_PX = 1.0
 # Brightness inside a box is the mean over at most this many pixels in each direction.
 SAMPLES_ACROSS = 12
 _GRID = (np.arange(SAMPLES_ACROSS) + 0.5) / SAMPLES_ACROSS
@@ -61,10 +63,8 @@ def observe(
     bbox = np.concatenate([s.boxes.bbox_xyxy_px for s in with_boxes])
     std = np.concatenate([s.boxes.std_px for s in with_boxes])
     size = np.array([_size(s.picture) for s in with_boxes], dtype=np.float64)
-    cut = _truncated(bbox, np.repeat(size, counts, axis=0))
-    # A recorded box is a statement about the object; where the picture ends is its author's affair.
     recorded = np.repeat([detectors[s.frame.camera] == "recorded" for s in with_boxes], counts)
-    cut[recorded] = False
+    cut = _truncated(bbox, np.repeat(size, counts, axis=0), recorded)
     total = int(counts.sum())
     columns: dict[str, object] = {
         "observation_index": np.arange(first_index, first_index + total),
@@ -94,20 +94,23 @@ def _size(picture: Picture | None) -> tuple[float, float, float]:
     return picture.width_px, picture.height_px, picture.reduction
 
 
-def _truncated(bbox: FloatArray, size: FloatArray) -> np.ndarray:
-    """Return whether each side, (n, 4), lies at the picture's edge; sizes are (n, 3)."""
+def _truncated(bbox: FloatArray, size: FloatArray, recorded: BoolArray) -> BoolArray:
+    """Return whether the picture's edge cuts off each side, (n, 4).
+
+    A recorded box that goes on beyond the edge is a statement about all of the object. One that ends
+    there was cut: the edge is the middle of the last pixel or its outer side, as its author counts.
+
+    Args:
+        bbox: the boxes, (n, 4).
+        size: width and height of their pictures and how much those were reduced, (n, 3).
+        recorded: which boxes are the recording's own, in pixels of the stored picture, (n,).
+    """
     width, height, reduction = size.T
-    reach = EDGE_PX * reduction
+    reach = EDGE_PX * np.where(recorded, 1.0, reduction)[:, None]
     x0, y0, x1, y1 = bbox.T
-    return np.stack(
-        [
-            x0 < -0.5 + reach,
-            y0 < -0.5 + reach,
-            x1 > width - 0.5 - reach,
-            y1 > height - 0.5 - reach,
-        ],
-        axis=1,
-    )
+    inside = np.stack([x0 + 0.5, y0 + 0.5, width - 0.5 - x1, height - 0.5 - y1], axis=1)
+    beyond = recorded[:, None] & (inside < -BEYOND_PX)
+    return np.asarray((inside < reach) & ~beyond)
 
 
 def _occlusion(bbox: FloatArray) -> FloatArray:

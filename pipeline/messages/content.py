@@ -1,4 +1,4 @@
-"""Kinds of messages, and the record of each."""
+"""What a message brings: the kinds, and the record of each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.messages.tree import Tree
 
 
 class Kind(StrEnum):
-    """Kind of content of a channel."""
+    """What a channel brings."""
 
     IMAGE = "image"
     VIDEO = "video"
@@ -34,7 +34,7 @@ class EncodedImage:
 
 @dataclass(frozen=True, slots=True)
 class VideoPacket:
-    """Bytes of one frame of a video stream."""
+    """What a message of a video stream holds: the bytes of one frame."""
 
     codec: str
     data: bytes
@@ -42,7 +42,7 @@ class VideoPacket:
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """Position of the frame `child` in the frame `parent`."""
+    """Where the frame `child` is in the frame `parent`."""
 
     parent: str
     child: str

@@ -1,4 +1,4 @@
-"""Transforms between frames: foxglove.FrameTransform(s), tf2_msgs/TFMessage and tf/tfMessage."""
+"""Where things are: foxglove.FrameTransform(s), tf2_msgs/TFMessage and tf/tfMessage."""
 
 from __future__ import annotations
 

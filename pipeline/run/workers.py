@@ -20,13 +20,12 @@ from pipeline.parallel.processes import local_engine, tell
 from pipeline.run.recording import Outcome, add_timelines, commit, measure
 from pipeline.store.database import Store
 from pipeline.store.parquet import take_rows, write_rows
-from pipeline.store.recordings import refuse_collision
 from pipeline.store.scratch import Begun, own_store
 
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """Orders for a worker: one recording, and how to work it."""
+    """What a worker is to do with a recording."""
 
     path: Path
     config: Config
@@ -37,7 +36,7 @@ class Work:
 
 @dataclass(frozen=True, slots=True)
 class Worked:
-    """Result of a worker for one recording."""
+    """What a worker made of a recording."""
 
     outcome: Outcome
     files: dict[str, Path]  # of rows, by table
@@ -84,5 +83,5 @@ def collect(store: Store, worked: Worked) -> None:
     if row is None:
         return
     with worked.outcome.times.stage("store"), store.transaction():
-        refuse_collision(store, row)
+        store.refuse_collision(row)
         take_rows(store, row.recording_id, worked.files)

@@ -1,1 +1,1 @@
-"""Tracks from observations."""
+"""Track."""

@@ -25,7 +25,7 @@ GATE = 18.47
 
 @dataclass(slots=True)
 class _Life:
-    """Facts about a track beside the state of its filter."""
+    """What is remembered of a track beside its filter."""
 
     track_id: int
     object_id: str | None

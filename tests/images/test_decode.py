@@ -1,4 +1,4 @@
-"""Decoding: sizes, brightness, and hostile bytes."""
+"""Decoding: sizes, brightness, and bytes that mean harm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Raw pixels: every encoding against OpenCV's own conversion of the same picture, and wrong sizes."""
+"""Bare pixels: every encoding against OpenCV's own conversion of the same picture, and bad claims."""
 
 from __future__ import annotations
 

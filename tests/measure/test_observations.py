@@ -42,9 +42,19 @@ def test_sides_at_the_pictures_edge_are_cut() -> None:
     assert table["observation_index"] == [7, 8, 9, 10]
 
 
-def test_recorded_boxes_are_taken_at_their_word() -> None:
+def test_recorded_boxes_that_go_on_beyond_the_edge_are_whole() -> None:
     table = observe([seen([[-5, -5, 20, 120]], picture())], {"cam": "recorded"}, 0).to_pydict()
     assert not any(table[f"truncated_{s}"][0] for s in ("left", "top", "right", "bottom"))
+
+
+@pytest.mark.parametrize("last", [99.5, 99.0, 98.6, 100.2])
+def test_recorded_boxes_that_end_at_the_pictures_edge_are_cut(last: float) -> None:
+    """Some count to the middle of the last pixel, some to its outer side, some from one."""
+    first = 99.0 - last
+    rows = [[50, 20, 70, last], [50, first, 70, 60], [first, 20, 70, 60], [50, 20, 100 + last, 60]]
+    table = observe([seen(rows, picture())], {"cam": "recorded"}, 0).to_pydict()
+    cut = np.array([table[f"truncated_{s}"] for s in ("left", "top", "right", "bottom")]).T
+    assert cut.tolist() == np.eye(4, dtype=bool)[[3, 1, 0, 2]].tolist()
 
 
 def test_who_stands_lower_in_the_picture_hides_who_is_behind() -> None:

@@ -24,8 +24,7 @@ from pipeline.mcap_file.writer import (
 )
 from pipeline.optics.silhouette import mean_reach
 from pipeline.run.recordings import estimate_again, run
-from pipeline.store.database import Store
-from pipeline.store.recordings import RecordingRow
+from pipeline.store.database import RecordingRow, Store
 from schemas.stadimeter_pb2 import Detections, GroundTruth
 from tests.support.tables import assert_same, everything
 

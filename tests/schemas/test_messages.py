@@ -1,4 +1,4 @@
-"""The generated messages agree with the schema file."""
+"""The generated messages are those of the schema that people read."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Objects that move before a fixed camera."""
+"""Motion."""

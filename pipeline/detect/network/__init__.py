@@ -1,1 +1,1 @@
-"""Objects found by a network from the user's ONNX file."""
+"""Network."""

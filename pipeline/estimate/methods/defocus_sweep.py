@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.arrays import FloatArray, IntArray
-from pipeline.estimate.types import Measured, SweepFloor
+from pipeline.estimate.types import Measured
 
 # An object stands still while its box moves and grows by no more than this share of its size: twice
 # the error of a box of fifty pixels, and 3 % of the depth.
@@ -30,15 +30,24 @@ ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True)
+class Floor:
+    """What all sweeps of a camera have in common, in one round of the fit."""
+
+    px2: float
+    px2_std: float
+    scale: float  # by which points scatter more than they should
+
+
+@dataclass(frozen=True, slots=True)
 class Sweeps:
-    """Fit of all sweeps: the floor, and u^2 of the observations that belong to one (NaN elsewhere)."""
+    """What sweeps say: the floor, and u^2 of the observations that belong to one (NaN elsewhere)."""
 
     floor_px2: float
     floor_px2_std: float
     u2: FloatArray
     u2_std: FloatArray
     count: int
-    rounds: tuple[SweepFloor, ...]
+    rounds: tuple[Floor, ...]
 
     @property
     def floor_px_std(self) -> float:
@@ -52,7 +61,7 @@ def solve(
     std: FloatArray,
     per_dioptre2: FloatArray,
     floor: tuple[FloatArray, FloatArray],
-    rounds: tuple[SweepFloor, ...] | None = None,
+    rounds: tuple[Floor, ...] | None = None,
 ) -> Sweeps | None:
     """Return the floor and the objects' u^2 by all sweeps of a camera; None where there is none.
 
@@ -78,7 +87,7 @@ def solve(
     weight = 1.0 / std[rows] ** 2
     prior, prior_std = (float(np.nanmedian(f[rows])) for f in floor)
     prior_std *= PRIOR_WIDENED
-    said: list[SweepFloor] = []
+    said: list[Floor] = []
     for number in range(ROUNDS):
         known = rounds[number] if rounds else None
         found, slope, slope_std, by_floor, off = _line(g, x, y, weight, prior, prior_std, known)
@@ -91,7 +100,7 @@ def solve(
     return Sweeps(found.px2, found_std, u2, u2_std, int(g.max()) + 1, tuple(said))
 
 
-def _unsure(floor: SweepFloor) -> float:
+def _unsure(floor: Floor) -> float:
     """Return the standard deviation of a floor, px^2."""
     return float(np.hypot(floor.px2_std, 2 * np.sqrt(max(floor.px2, 0.0)) * LEAST_STD_PX))
 
@@ -103,8 +112,8 @@ def _line(
     weight: FloatArray,
     prior: float,
     prior_std: float,
-    known: SweepFloor | None,
-) -> tuple[SweepFloor, FloatArray, FloatArray, FloatArray, FloatArray]:
+    known: Floor | None,
+) -> tuple[Floor, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Fit y = floor + slope_g x; return floor, slopes, their deviations, and residuals over theirs.
 
     The slopes are eliminated from the normal equations. Where points scatter more than they should,
@@ -128,7 +137,7 @@ def _line(
         free = max((weight > 0).sum() - n - 1, 1)
         scale = max(float(np.sqrt((off**2).sum() / free)), 1.0)
         floor_std = 1.0 / np.sqrt(certain / scale**2 + 1 / prior_std**2)
-        found = SweepFloor(floor, float(floor_std), scale)
+        found = Floor(floor, float(floor_std), scale)
     return found, slope, found.scale / np.sqrt(wxx), wx / wxx, off / found.scale
 
 

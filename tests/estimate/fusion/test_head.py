@@ -1,4 +1,4 @@
-"""Boxes too short for their track: the direction of the track decides which end is missing."""
+"""A box too short for its track: which of its ends is missing is told by where the track leads."""
 
 from __future__ import annotations
 
