@@ -3,12 +3,13 @@
 # make lint    the linters and the type checker
 # make fuzz    hostile bytes into the readers, at least 100,000
 # make bench   speed and accuracy, as ratios in one run
+# make docs    the dictionary of tables, docs/tables.md, from the comments in schemas/sql
 # make pictures   the pictures of the documentation, from what make demo left
 # make lock    bring requirements*.lock up to date with pyproject.toml
 # make proto   generate schemas/stadimeter_pb2.py from schemas/stadimeter.proto
 
 .DELETE_ON_ERROR:
-.PHONY: demo test lint format bench pictures fuzz lock proto clean
+.PHONY: demo test lint format bench docs pictures fuzz lock proto clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -35,6 +36,9 @@ format: $(VENV)/.ready-dev
 
 bench: $(VENV)/.ready-dev
 	$(BIN)/python -m bench
+
+docs: $(VENV)/.ready
+	$(BIN)/python -m dashboards.for_docs.tables docs/tables.md
 
 pictures: $(VENV)/.ready
 	$(BIN)/python -m dashboards.for_docs.pictures out/demo docs

@@ -58,7 +58,7 @@ class Result:
     """Result of one camera."""
 
     seed: int
-    edges: pd.DataFrame  # a row a matched, wholly visible silhouette
+    edges: pd.DataFrame  # one row for each matched, wholly visible silhouette
     counts: dict[str, int]
     ms_a_frame: float
 

@@ -20,10 +20,10 @@ from bench.footage import street_pictures, write_recording
 from pipeline.cli.console import out, print_rows
 from pipeline.cluster.engine import ray_engine
 from pipeline.cluster.manifest import Part, read_manifests, write_manifest
+from pipeline.cluster.results_folder import merge, open_shared
 from pipeline.cluster.shared_run import run_shared
 from pipeline.core.config import Config
 from pipeline.parallel.processes import local_engine
-from pipeline.store.parquet import merge, open_shared
 
 EMPTY_TASKS = 200
 FRAMES = 500  # of a recording at 720p: 20 s
@@ -64,7 +64,7 @@ def seconds_of_run(paths: list[Path], folder: Path, engine: str, workers: int) -
 
 @contextmanager
 def cores(count: int) -> Iterator[None]:
-    """Keep this process, and those that it begins, to so many cores, where the system can do that."""
+    """Limit this process and its children to a number of cores, if the system can do that."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return
@@ -117,7 +117,7 @@ def main() -> None:
             one_s, two_s = (seconds_of_run(paths, folder / engine, engine, n) for n in (1, 2))
             rows.append([engine, f"{one_s:.1f}", f"{two_s:.1f}", f"{one_s / two_s:.2f}"])
         print_rows(
-            f"{RECORDINGS} recordings of {FRAMES} frames at 720p, start included, a core a worker",
+            f"{RECORDINGS} recordings of {FRAMES} frames at 720p, start included, a core per worker",
             ("engine", "1 worker, s", "2 workers, s", "ratio"),
             rows,
         )

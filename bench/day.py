@@ -23,8 +23,10 @@ from pipeline.core.tables import CAMERAS, OBSERVATIONS
 from pipeline.core.timing import Spent, Stopwatch
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recordings import describe, library_versions
-from pipeline.store.database import RecordingRow, Store
+from pipeline.store.database import Store
 from pipeline.store.parquet_parts import PartWriter, as_table
+from pipeline.store.recordings import RecordingRow, replace_recording
+from pipeline.store.runs import finish_run, start_run
 
 FRAME_RATE, PEOPLE, WALK_S = 25, 5, 20
 WIDTH_PX, HEIGHT_PX, FOCAL_PX = 1920, 1080, 1500.0
@@ -60,7 +62,7 @@ parameters = [
 
 
 def walkers(rng: np.random.Generator, first_track: int, from_s: float, to_s: float) -> pa.Table:
-    """Return the observations of people who begin to walk in a span of time, a row a frame each."""
+    """Return the observations of people who begin to walk in a span of time, one row for each frame."""
     count = round((to_s - from_s) * PEOPLE / WALK_S)
     frames = WALK_S * FRAME_RATE
     begin = np.round((from_s + rng.uniform(0, to_s - from_s, count)) * FRAME_RATE)
@@ -111,7 +113,7 @@ def _boxes(x_m: FloatArray, y_m: FloatArray, tall_m: FloatArray) -> FloatArray:
 
 
 def write_day(folder: Path, hours: float, seed: int = 1) -> RecordingRow:
-    """Write the parts of pass 1 of so many hours, a quarter of an hour at a time."""
+    """Write the parts of pass 1 of a number of hours, a quarter of an hour at a time."""
     rng = np.random.default_rng(seed)
     seconds, step_s = hours * 3600, 900.0
     tracks: list[pa.Table] = []
@@ -249,13 +251,13 @@ def main() -> None:
 def _measure(database: Path, parts: Path, row: RecordingRow, config: Config, hours: float) -> None:
     before_mb = peak_mb()
     with Store.open(database) as store:
-        run_id = store.start_run("run", "day", describe(config), library_versions(), "bench")
+        run_id = start_run(store, "run", "day", describe(config), library_versions(), "bench")
         with Stopwatch() as ingest, store.transaction():
-            key = store.ingest(row, parts, run_id)
+            key = replace_recording(store, row, parts, run_id)
         ingest_mb = peak_mb()
         with Stopwatch() as estimate, store.transaction():
             estimate_recording(store, key, run_id, row.path.name, config)
-        store.finish_run(run_id)
+        finish_run(store, run_id)
     sizes = table_bytes(database)
     observations, estimates = sizes["observations"][0], sizes["estimates"][0]
     out.print(

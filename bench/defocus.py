@@ -23,7 +23,7 @@ import numpy as np
 from bench.blur_estimators import ESTIMATORS
 from pipeline.cli.console import out, print_rows
 from pipeline.core.arrays import FloatArray
-from pipeline.core.calibration import Dimension, Method
+from pipeline.core.calibration import Dimension
 from pipeline.core.config import Config, SizePrior
 from pipeline.core.lens import Lens
 from pipeline.core.records import Boxes, Intrinsics
@@ -120,12 +120,12 @@ def estimates_of(shot: Shot, picture: np.ndarray, seed: int) -> tuple[Blur, dict
         if worth.any()
         else unmeasured(1, known)
     )
-    geometry = Geometry(_measured(boxes, known, shot, blur))
+    geometry = Geometry.of(_measured(boxes, known, shot, blur))
     by_size = size.estimate(geometry, config)
-    by_blur, _ = defocus.estimate(geometry, config, {Method.SIZE: by_size})
-    members = {Method.SIZE: by_size}
+    members = {"size": by_size}
+    by_blur = defocus.estimate(geometry.after(members), config)
     if np.isfinite(by_blur.depth_m).any():
-        members[Method.DEFOCUS] = by_blur
+        members["defocus"] = by_blur
     return blur, {
         "size": by_size,
         "defocus": by_blur,

@@ -75,7 +75,7 @@ def _jpeg(picture: npt.NDArray[Any], noise: np.random.Generator) -> bytes:
 
 
 def write_recording(path: Path, pictures: list[bytes], frames: int, size: Size = HD) -> None:
-    """Write a recording of so many frames from the pictures, to and fro."""
+    """Write a recording of a number of frames from the pictures, played forwards and backwards."""
     there_and_back = [*pictures, *reversed(pictures)]
     width_px, height_px = size
     intrinsics = Intrinsics(

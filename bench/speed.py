@@ -42,7 +42,8 @@ from pipeline.images.decode import Picture, decode
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.mcap_file.reader import McapFile
 from pipeline.parallel.prefetch import ahead
-from pipeline.run.pass_one import READ_TOGETHER, measure_recording
+from pipeline.run.pass_one import measure_recording
+from pipeline.run.picture_stream import READ_TOGETHER
 from pipeline.run.recordings import run
 
 FRAMES, LONG = 600, 1500

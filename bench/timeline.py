@@ -33,6 +33,7 @@ from pipeline.core.tables import (
 )
 from pipeline.run.recordings import run
 from pipeline.store.database import Store
+from pipeline.store.recordings import list_recordings
 
 FRAMES_WRITTEN = 1500
 PREVIEW_PX = 480
@@ -56,7 +57,7 @@ def _of_footage(folder: Path) -> None:
     run([recording], database, Config())
     small = Config(timeline=TimelineConfig(preview_px=PREVIEW_PX))
     with Store.open(database, read_only=True) as store:
-        recording_id = store.recordings()["recording_id"][0].as_py()
+        recording_id = list_recordings(store)["recording_id"][0].as_py()
         observations = store.query("SELECT count(*) AS n FROM observations")["n"][0].as_py()
 
         def written(config: Config, place: Path) -> Callable[[], object]:

@@ -25,7 +25,6 @@ from pipeline.calibrate.walkers.focal_length import calibrate_lens_from_walkers
 from pipeline.calibrate.walkers.pose import calibrate_from_walkers
 from pipeline.cli.console import out, print_rows
 from pipeline.core.arrays import FloatArray
-from pipeline.core.calibration import Method
 from pipeline.core.config import ADULT, Config
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.core.records import GroundPlane, Intrinsics
@@ -33,7 +32,7 @@ from pipeline.estimate.boxes.quality import assess
 from pipeline.estimate.boxes.reach import with_reach
 from pipeline.estimate.estimate_tracks import fuse
 from pipeline.estimate.gait import EXCURSION_M, GAIT_DROP_M, GAIT_DROP_STD_M, as_standing
-from pipeline.estimate.methods import ground, size
+from pipeline.estimate.methods import FUSED, GROUND, ground, size
 from pipeline.estimate.track_heights import track_heights
 from pipeline.estimate.types import Measured
 from pipeline.optics.ground_plane import (
@@ -78,7 +77,7 @@ def scene(
     bad_share: float = 0.1,
     wall_share: float = 0.0,
 ) -> Scene:
-    """Return a scene of so many people, of whom a share is two in one box or half hidden.
+    """Return a scene of a number of people; a share of the boxes hold two people or half of one.
 
     Another share passes behind a wall, which hides their feet for a while.
 
@@ -233,19 +232,20 @@ class Score:
     pose_z: FloatArray  # camera height, tilt, roll
 
 
-def score(simulated: Scene, plane: GroundPlane, method: Method = Method.FUSED) -> Score:
+def score(simulated: Scene, plane: GroundPlane, method: str = FUSED) -> Score:
     """Return how good the estimates with this pose are."""
     measured = replace(simulated.measured, ground_plane=plane)
     quality = assess(measured)
-    geometry = ground.with_scatter(with_reach(quality.applied(measured)))
+    config = Config()
+    geometry = ground.with_scatter(with_reach(quality.applied(measured)), config)
     members = {
-        Method.GROUND: ground.estimate(geometry),
-        Method.SIZE: size.estimate(geometry, Config()),
+        GROUND: ground.estimate(geometry, config),
+        "size": size.estimate(geometry, config),
     }
-    found, _ = fuse(geometry, members, quality, Config())
-    if method is not Method.FUSED:
-        speed_m_s, found = found.speed_m_s, members[method]
-        as_standing(measured, found, speed_m_s, found.height_assumed)
+    found, members, _ = fuse(geometry, members, quality, config)
+    if method != FUSED:
+        seen = members[method]
+        found = as_standing(measured, seen, found.speed_m_s, seen.height_assumed)
     table = track_heights(measured, found, method, [ADULT])
     track, plausible = table["track_id"].to_numpy(), table["height_plausible"].to_pylist()
     one = np.array([p is not False for p in plausible])
@@ -271,7 +271,7 @@ def score(simulated: Scene, plane: GroundPlane, method: Method = Method.FUSED) -
     )
 
 
-METHODS = (Method.GROUND, Method.FUSED)
+METHODS = (GROUND, FUSED)
 LABELS = ("pose known", "pose from walkers", "lens and pose from walkers")
 
 
@@ -297,7 +297,7 @@ def main() -> None:
     focal: list[tuple[float, float]] = []
     for title, wall_share in (("in the open", 0.0), ("behind a wall", 1.0)):
         random = np.random.default_rng(4)
-        scores: dict[str, dict[Method, list[Score]]] = {
+        scores: dict[str, dict[str, list[Score]]] = {
             label: {m: [] for m in METHODS} for label in LABELS
         }
         for _ in range(arguments.cameras):
@@ -317,15 +317,15 @@ def main() -> None:
         found = scores["pose from walkers"]
         out.print(
             f"{title}: {arguments.cameras} cameras, {arguments.people} people each, one in ten "
-            f"boxed badly: {len(found[Method.FUSED])} poses found, the others refused"
+            f"boxed badly: {len(found[FUSED])} poses found, the others refused"
         )
         if not wall_share:
-            poses = np.array([s.pose_z for s in found[Method.FUSED]]).reshape(-1, 3)
+            poses = np.array([s.pose_z for s in found[FUSED]]).reshape(-1, 3)
         for label, by_method in scores.items():
             for method in METHODS:
                 if by_method[method]:
-                    cells = _row(by_method[method], by_method[Method.GROUND])
-                    rows.append([title, label, str(method), *cells])
+                    cells = _row(by_method[method], by_method[GROUND])
+                    rows.append([title, label, method, *cells])
     header = (
         "",
         "",

@@ -29,7 +29,7 @@ FRAME_NS = 100_000_000
 
 
 def write_long(path: Path, seconds: float) -> None:
-    """Write the street to and fro, for so many seconds, 10 frames a second as it was taken."""
+    """Write the street, played forwards and backwards, for a number of seconds at 10 frames a second."""
     config = Config()
     file = McapFile(STREET, config.limits, lambda note: None)
     frames = list(FrameAssembler(file, config.ingest, Notes()))
@@ -51,7 +51,7 @@ def read(folder: Path, table: str) -> pd.DataFrame:
 
 
 def compare(whole: pd.DataFrame, cut: pd.DataFrame) -> dict[str, float]:
-    """Return how alike two sets of observations are; boxes are one if each is the other's best."""
+    """Return the agreement of two sets of observations; boxes are matched if each is the other's best."""
     keys = ["camera", "frame_index"]
     pairs = whole.merge(cut, on=keys, suffixes=("", "_cut"))
     a = pairs[SIDES].to_numpy()
@@ -78,7 +78,7 @@ def compare(whole: pd.DataFrame, cut: pd.DataFrame) -> dict[str, float]:
 
 
 def main() -> None:
-    """Print how alike the results are for several lengths of windows."""
+    """Print the agreement of the results for several lengths of windows."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seconds", type=float, default=480.0)
     parser.add_argument("--windows", type=float, nargs="*", default=[60.0, 120.0, 240.0])

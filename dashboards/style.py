@@ -1,4 +1,4 @@
-"""Colours, and which method stands for an observation."""
+"""Colours of tracks, methods and states."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.core.arrays import IntArray
-from pipeline.core.calibration import Method
+from pipeline.estimate.methods import METHODS
 
 Colours = npt.NDArray[np.uint8]
 
@@ -29,19 +29,12 @@ NEUTRAL = (200, 200, 200)
 # States that are not of one track: never told by colour alone, each has its text.
 OK, WARNING, ERROR, DIM = (60, 110, 140), (230, 159, 0), (213, 94, 0), (70, 70, 70)
 
-# The best method comes first: an observation is drawn by the first that has a depth for it.
-METHOD_ORDER = (
-    Method.FUSED,
-    Method.GROUND,
-    Method.APERTURE,
-    Method.INVERSE,
-    Method.SIZE,
-    Method.DEFOCUS,
-)
-# Of the palette: size is not the blue beside ground's, and vermilion is kept for what is wrong.
-METHOD_COLOURS = {
-    str(method): PALETTE[i] for method, i in zip(METHOD_ORDER, (0, 1, 2, 3, 6, 4), strict=True)
+METHOD_COLOURS: dict[str, Colours] = {
+    method.name: np.array(list(bytes.fromhex(method.colour[1:])), dtype=np.uint8)
+    for method in METHODS
 }
+# What is brighter than this (relative luminance of WCAG 2.2) a white page swallows.
+BRIGHT = 0.6
 
 # rr.Measurements draws one standard deviation to either side; given a variance of (1.96 s)^2 it
 # draws the 95 % interval. Whatever sends a variance uses this.
@@ -57,6 +50,15 @@ def slot_colours(slot: IntArray) -> Colours:
 def tinted(colours: Colours, share: float = 0.55) -> Colours:
     """Return colours mixed with white, for text on dark ground."""
     return (255 - (255 - colours.astype(np.float64)) * (1 - share)).astype(np.uint8)
+
+
+def on_white(colour: Colours) -> str:
+    """Return a colour as #RRGGBB, darker where a white page would swallow it."""
+    share = colour / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    bright = float(linear @ (0.2126, 0.7152, 0.0722)) > BRIGHT
+    shown = (colour * 0.7).astype(np.uint8) if bright else colour
+    return "#" + bytes(shown).hex().upper()
 
 
 def packed(colours: Colours, opacity: int = 255) -> npt.NDArray[np.uint32]:

@@ -292,7 +292,7 @@ def _develop(light: Light, scene: Scene, lens: Lens, seed: int) -> npt.NDArray[n
 
 
 def _bayer(raw: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint16]:
-    """Return one colour a pixel; OpenCV names the pattern by its second row and column."""
+    """Return one colour for each pixel; OpenCV names the pattern by its second row and column."""
     mosaic = raw[..., 1].copy()
     mosaic[0::2, 0::2] = raw[0::2, 0::2, 0]
     mosaic[1::2, 1::2] = raw[1::2, 1::2, 2]

@@ -230,7 +230,7 @@ class _Frame:
 
 
 def _bob(build: Build, along_m: Floats, step_m: float, moving: Floats) -> Floats:
-    """Return how much higher the trunk is than of who stands: below 0, but for the jump of a run."""
+    """Return the height of the trunk above that of a standing person: negative, except when running."""
     usual = USUAL_STEP_M * build.height_m / 1.70
     high_m = BOB_M * build.height_m / 1.70 * min((step_m / usual) ** 2, 2.0)
     phase = np.cos(2 * np.pi * along_m / step_m)  # 1 in midstance

@@ -26,7 +26,7 @@ SEEN_FRAMES = 12  # for which a person must be wholly in the picture
 
 
 def make_scene(settings: Settings) -> Scene:
-    """Return the scene of a seed; a camera before which nobody could walk is drawn again."""
+    """Return the scene of a seed; a camera without room for a person to walk is drawn again."""
     random = np.random.default_rng((4595, settings.seed))
     while True:
         view = random_view(random, settings.width_px, settings.height_px)
@@ -113,7 +113,7 @@ def _random_things(random: np.random.Generator, view: View, main_rad: float) -> 
 
 
 def _seat(person: Person) -> Thing:
-    """Return the bench below who sits: behind the feet, which are the person's place."""
+    """Return the bench of a person who sits: behind the feet, which are the person's position."""
     path = person.walk.path
     back_m = 0.27 * person.build.height_m
     x_m = path.x_m - back_m * np.cos(path.heading_rad)
@@ -128,7 +128,7 @@ def _random_people(
     things: list[Thing],
     main_rad: float,
 ) -> list[Person]:
-    """Return who walks here; a bench for who sits is added to the things."""
+    """Return the people of a scene; a bench for those who sit is added to the things."""
     people: list[Person] = []
     crowd = Crowd.drawn(random)
     sits = random.uniform() < 0.4
@@ -206,7 +206,7 @@ def _random_person(
 
 
 def _beside(random: np.random.Generator, first: Person, crowd: Crowd) -> Person:
-    """Return who walks with somebody: the same way at the same speed, with another stride."""
+    """Return a companion of a person: the same path and speed, with another stride."""
     build = replace(_random_build(random, crowd), runs=first.build.runs)
     side = random.choice([-1, 1]) * random.uniform(0.6, 0.85)
     path = first.walk.path

@@ -134,7 +134,7 @@ class Renderer:
         return image
 
     def frame(self, index: int, *, noise: bool = True) -> tuple[Image, list[Seen]]:
-        """Return the picture of a frame, (h, w, 3), and who is in it."""
+        """Return the picture of a frame, (h, w, 3), and the people in it."""
         present = self.scene.present(index)
         image = self.background.copy()
         self._shadows(image, [p.person for p in present], index)

@@ -37,7 +37,7 @@ class Settings:
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """A path with the time-table on it: where along it somebody is at each frame."""
+    """A path and the position of a person along it at each frame."""
 
     path: Path
     along_m: Floats  # (t,)
@@ -88,7 +88,7 @@ class TruePerson:
 
 @dataclass(frozen=True)
 class Scene:
-    """A camera, who walks before it, and what stands there."""
+    """A camera, the people who walk before it, and the things that stand there."""
 
     settings: Settings
     view: View
@@ -108,7 +108,7 @@ class Scene:
         return np.stack([p.build.radii_m for p in self.people])
 
     def present(self, frame: int) -> list[TruePerson]:
-        """Return those who may be seen in a frame, the farthest first."""
+        """Return the people who may be seen in a frame, the farthest first."""
         chosen = np.flatnonzero(self._in_view[:, frame])
         if len(chosen) == 0:
             return []

@@ -22,7 +22,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """Something fixed that hides who walks behind it."""
+    """A fixed thing that hides people behind it."""
 
     kind: str
     place: tuple[float, float]

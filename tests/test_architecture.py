@@ -176,6 +176,13 @@ def later():
     ]
 
 
+def test_the_page_on_the_architecture_has_the_same_floors():
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| +(\d+) \| ([^|]+) \|", text, re.MULTILINE)
+    told = {int(floor): set(rooms.split(", ")) for floor, rooms in rows}
+    assert told == {floor: set(rooms) for floor, rooms in FLOORS.items() if floor}
+
+
 def test_every_folder_of_the_pipeline_has_a_floor():
     folders = {path.parent.name for path in (ROOT / "pipeline").glob("*/*.py")}
     without = sorted(name for name in folders if f"pipeline.{name}" not in FLOOR)

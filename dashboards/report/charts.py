@@ -12,7 +12,8 @@ from typing import Any
 import altair as alt
 
 from dashboards.report.data import Row, rounded
-from dashboards.style import METHOD_ORDER
+from dashboards.style import METHOD_COLOURS, on_white
+from pipeline.estimate.methods import NAMES, in_order
 
 # Okabe and Ito (2008), without the yellow that a white page swallows.
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
@@ -25,9 +26,8 @@ _SINCE = "time since the start of the recording, s"
 
 def _colour(rows: Sequence[Row], **options: Any) -> alt.Color:
     present = {row["method"] for row in rows}
-    methods = [str(m) for m in METHOD_ORDER if m in present]
-    methods += sorted(present - set(methods))
-    colours = dict(zip(map(str, METHOD_ORDER), COLOURS, strict=True))
+    methods = in_order(present)
+    colours = {name: on_white(colour) for name, colour in METHOD_COLOURS.items()}
     scale = alt.Scale(domain=methods, range=[colours.get(m, GREY) for m in methods])
     return alt.Color("method:N", scale=scale, title="method", **options)
 
@@ -42,7 +42,7 @@ def _depth_scale(rows: Sequence[Row]) -> alt.Scale:
 
 def _layer(row: Row) -> int:
     """Return when a point is drawn: the best method last, so that nothing covers it."""
-    order = [str(method) for method in METHOD_ORDER]
+    order = list(NAMES)
     return -order.index(row["method"]) if row["method"] in order else -len(order)
 
 
@@ -78,7 +78,7 @@ def errors_chart(rows: list[Row], by_method: list[Row]) -> alt.Chart:
 
     actual = points.encode(alt.X("true_depth_m:Q", title="actual depth, m", scale=scale))
     interval = actual.mark_rule(strokeWidth=1).encode(
-        alt.Y("depth_low_m:Q", title="estimated depth, m (rule: 95 % interval)", scale=scale),
+        alt.Y("depth_low_m:Q", title="estimated depth, m (line: 95 % interval)", scale=scale),
         alt.Y2("depth_high_m:Q"),
     )
     dots = (
@@ -93,7 +93,7 @@ def errors_chart(rows: list[Row], by_method: list[Row]) -> alt.Chart:
         .encode(alt.X("d:Q", scale=scale), alt.Y("d:Q", scale=scale))
     )
     against = (identity + interval + dots).properties(
-        title="Estimated against actual", width=HALF_PX, height=TALL_PX
+        title="Estimated and actual depth", width=HALF_PX, height=TALL_PX
     )
     below = _over_time(points, marked)
     agreement = _bland_altman(points, by_method, scale, colour)
@@ -138,7 +138,7 @@ def _bland_altman(
     )
     dots = points.mark_circle(size=28).encode(
         alt.X("mean_depth_m:Q", title="mean of estimated and actual depth, m", scale=scale),
-        alt.Y("depth_error_m:Q", title="estimated less actual depth, m"),
+        alt.Y("depth_error_m:Q", title="estimated minus actual depth, m"),
     )
     dots = dots.add_params(_zoom("zoom_agreement"))
     return (dots + rules).properties(
@@ -150,9 +150,9 @@ def _over_time(points: alt.Chart, marked: alt.Parameter) -> alt.LayerChart:
     zero = alt.Chart(alt.Data(values=[{"y": 0}])).mark_rule(color=GREY).encode(y="y:Q")
     dots = points.mark_circle(size=22).encode(
         alt.X("time_s:Q", title=_SINCE),
-        alt.Y("depth_error_m:Q", title="estimated less actual depth, m"),
+        alt.Y("depth_error_m:Q", title="estimated minus actual depth, m"),
     )
-    title = "Error over time: mark a part of it to see only that above"
+    title = "Error over time: select a period to show only that period above"
     return (zero + dots.add_params(marked)).properties(title=title, width=WIDE_PX, height=180)
 
 
@@ -239,7 +239,7 @@ def coverage_chart(rows: list[Row]) -> alt.FacetChart:
         (ideal + rules + line)
         .properties(width=HALF_PX - 30, height=260)
         .facet(column=alt.Column("quantity:N", title=None))
-        .properties(title="How often an interval holds the truth")
+        .properties(title="Share of intervals that contain the truth")
     )
 
 
@@ -269,7 +269,7 @@ def heights_chart(rows: list[Row], object_name: str) -> alt.LayerChart:
     )
     rule = base.mark_rule(strokeWidth=2).encode(
         alt.X(
-            "height_low_m:Q", title="height, m (rule: 95 % interval)", scale=alt.Scale(zero=False)
+            "height_low_m:Q", title="height, m (line: 95 % interval)", scale=alt.Scale(zero=False)
         ),
         alt.X2("height_high_m:Q"),
     )

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dashboards.style import METHOD_ORDER
+from pipeline.estimate.methods import NAMES
 from pipeline.store.database import Store
 
 Row = dict[str, Any]
@@ -128,7 +128,7 @@ def _rounded(value: object) -> object:
 
 
 def _ranked(method: str) -> str:
-    order = ", ".join(f"'{name}'" for name in METHOD_ORDER)
+    order = ", ".join(f"'{name}'" for name in NAMES)
     return f"coalesce(list_position([{order}], {method}), 99)"
 
 

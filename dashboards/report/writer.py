@@ -16,10 +16,11 @@ from typing import Any
 
 from dashboards.report.data import ReportData, Row, read_report_data
 from dashboards.style import Z_95
-from dashboards.timeline.documents import METHOD_TEXTS, POSE_TEXTS
+from dashboards.timeline.documents import POSE_TEXTS
 from pipeline import __version__
 from pipeline.core.errors import MissingLibrary
 from pipeline.core.files import whole_file
+from pipeline.estimate.methods import IN_ORDER
 from pipeline.store.database import Store
 
 TEMPLATE = "report.html.j2"
@@ -114,7 +115,7 @@ def _page(database: Path, data: ReportData, drawn: Mapping[str, Any]) -> str:
         database=database.name,
         made_at=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         version=__version__,
-        methods={str(name): text for name, text in METHOD_TEXTS.items()},
+        methods={method.name: method.text for method in IN_ORDER},
         poses=POSE_TEXTS,
         z_95=Z_95,
         span=_span_text(data.recordings),

@@ -22,7 +22,7 @@ def parse_moment(text: str, start_ns: int) -> int:
         moment = datetime.fromisoformat(base)
     except ValueError as error:
         raise UsageError(
-            f"--at {text!r} is no time",
+            f"--at {text!r} is not a time",
             remedy="Give ISO 8601 such as 2026-03-01T08:00:12.5Z, seconds from the start, or #frame",
         ) from error
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)

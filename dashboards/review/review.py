@@ -28,6 +28,7 @@ from dashboards.timeline.writer import TimelineOptions, camera_views, write_time
 from pipeline.core.config import Config
 from pipeline.core.errors import UsageError, Where
 from pipeline.store.database import Store
+from pipeline.store.recordings import list_recordings
 
 # Around a track its frames and a little before and after; around a moment of a long recording so much.
 AROUND_TRACK_S = 2.0
@@ -67,7 +68,9 @@ def write_review(store: Store, review: Review, target: Path, config: Config) -> 
     rows = [find_recording(store, name) for name in review.recordings]
     rows = list({row["recording_id"]: row for row in rows}.values())
     if len(rows) > 1 and review.track is not None:
-        raise UsageError("--track is of one recording", remedy="Give the one that it is in")
+        raise UsageError(
+            "--track needs exactly one recording", remedy="Give the recording of the track"
+        )
     moment_ns = None if review.at is None else _moment_ns(store, review, rows[0])
     sources, remarks = [], []
     for row in rows:
@@ -91,7 +94,7 @@ def find_recording(store: Store, name: str) -> dict[str, Any]:
     Raises:
         UsageError: there is none in the database, there are several, or its file is gone or another.
     """
-    rows = store.recordings().to_pylist()
+    rows = list_recordings(store).to_pylist()
     given = Path(name)
     tests = (
         lambda row: row["recording_id"] == name,
@@ -104,7 +107,7 @@ def find_recording(store: Store, name: str) -> dict[str, Any]:
         there = ", ".join(row["file_name"] for row in rows[:10]) or "none"
         raise UsageError(
             f"no recording {name!r} is in the database; there are: {there}",
-            remedy="`stadimeter run` puts it there",
+            remedy="Measure it first, with `stadimeter run`",
         )
     if len(found) > 1:
         ids = ", ".join(row["recording_id"] for row in found)
@@ -113,15 +116,15 @@ def find_recording(store: Store, name: str) -> dict[str, Any]:
     file = given if given.is_file() else Path(row["path"])
     if not file.is_file():
         raise UsageError(
-            "its pictures are gone: there is no such file",
+            "cannot show pictures: there is no such file",
             where=Where(file),
-            remedy="Give the recording by the path that it has now",
+            remedy="Give the path at which the recording is now",
         )
     if file.stat().st_size != row["size_bytes"]:
         raise UsageError(
-            f"is not the file that was measured: that had {row['size_bytes']:,} bytes",
+            f"is not the file that was measured, which had {row['size_bytes']:,} bytes",
             where=Where(file),
-            remedy="Run it again, or give the file that was measured",
+            remedy="Measure it again with `stadimeter run`, or give the file that was measured",
         )
     return row | {"file": str(file)}
 
@@ -200,7 +203,7 @@ def _frames_of_track(store: Store, review: Review, row: dict[str, Any]) -> tuple
     if len(found) > 1:
         names = ", ".join(sorted(r["camera"] for r in found))
         raise UsageError(
-            f"track {review.track} is of several cameras: {names}", remedy="Say which with --camera"
+            f"several cameras have a track {review.track}: {names}", remedy="Name one with --camera"
         )
     return int(found[0]["low"]), int(found[0]["high"])
 
@@ -260,7 +263,7 @@ def open_review(
 
 
 def go_to_moment(client: Any, written: Written) -> None:
-    """Move the viewer to the moment that was asked for; it needs a while to have read so far."""
+    """Move the viewer to the requested moment; the viewer first needs time to read the file up to it."""
     if written.moment_ns is None:
         return
     if written.clock == ELAPSED:
@@ -280,7 +283,7 @@ def go_to_moment(client: Any, written: Written) -> None:
 
 
 def elsewhere(path: Path) -> Iterable[str]:
-    """Yield how to look at a timeline where there is no display, a line each."""
+    """Yield the ways to see a timeline from a machine without a display, a line each."""
     yield f"copy it to a machine with a display, and there:  rerun {path.name}   (pip install {RERUN})"
     if not no_viewer():
         yield "or serve it to a browser through a tunnel:  the same command with --browser says how"
@@ -288,7 +291,7 @@ def elsewhere(path: Path) -> Iterable[str]:
 
 @contextmanager
 def place_for(output: Path | None) -> Iterator[Path]:
-    """Give the file to write: the one asked for, or one that is gone afterwards."""
+    """Give the file to write: the requested one, or a temporary one that is deleted afterwards."""
     if output is not None:
         yield output
         return

@@ -1,4 +1,4 @@
-"""The Rerun viewer as a process of ours: on the loopback only, and telling nobody that it runs."""
+"""The Rerun viewer as a child process: on the loopback only, with usage reports off."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Running:
                 raise StadimeterError(
                     f"the Rerun viewer ended at once: {_last_words(self.said)}",
                     where=Where(self.recording),
-                    remedy="Is there a Vulkan driver? Debian's is in mesa-vulkan-drivers",
+                    remedy="Install a Vulkan driver (Debian: mesa-vulkan-drivers)",
                 )
             try:
                 client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{self.port}/proxy")

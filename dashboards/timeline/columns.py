@@ -11,10 +11,11 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from dashboards.style import METHOD_ORDER, NEUTRAL, Colours, slot_colours
+from dashboards.style import NEUTRAL, Colours, slot_colours
 from dashboards.timeline.layout import screen_scale
 from dashboards.timeline.slots import slots
 from pipeline.core.arrays import FloatArray, IntArray
+from pipeline.estimate.methods import in_order
 
 BoolArray = npt.NDArray[np.bool_]
 # An object of which so much is covered counts as hidden where nothing better is known.
@@ -279,13 +280,11 @@ def _best(
 ) -> tuple[Estimates, npt.NDArray[np.object_], tuple[str, ...]]:
     """Return of each observation its best estimate, the method, and all methods that have any."""
     present = set(table["method"].unique().to_pylist())
-    ordered = [str(m) for m in METHOD_ORDER if m in present]
-    ordered += sorted(present - set(ordered))
     chosen = {f.name: np.full(len(observation_index), np.nan) for f in fields(Estimates)}
     chosen["height_assumed"] = np.zeros(len(observation_index), dtype=np.bool_)
     by: npt.NDArray[np.object_] = np.full(len(observation_index), None, dtype=object)
     used = []
-    for method in ordered:
+    for method in in_order(present):
         estimates = estimates_by(method, table, observation_index)
         known = np.isfinite(estimates.depth_m)
         if known.any():

@@ -1,4 +1,4 @@
-"""Depth and height over time: an entity a method, a line a slot, with 95 % bands; the truth beside."""
+"""Depth and height over time with 95 % bands: an entity for each method, a line for each slot."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WIDEST_BAND = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """Values over frames, a column a line; NaN where a line is not."""
+    """Values over frames, one column for each line; NaN where a line has no value."""
 
     row: IntArray  # (r,), frames by position, ascending
     values: FloatArray  # (r, l)
@@ -164,7 +164,7 @@ def _send(
 
 
 def _log_truth(stream: rr.RecordingStream, rows: CameraRows) -> None:
-    """Log the truth: a line an object where things are followed, else points."""
+    """Log the truth: a line for each object if objects are followed over frames, else points."""
     truth, shown = rows.truth, true_in_plots(rows)
     for quantity, values in {"depth": truth.depth_m, "height": truth.height_m}.items():
         known = np.flatnonzero(np.isfinite(values) & shown)

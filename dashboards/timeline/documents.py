@@ -1,4 +1,4 @@
-"""The text panels of the timeline: what this recording is, and its tracks."""
+"""Text panels of the timeline: the recording, its cameras and methods, and its tracks."""
 
 from __future__ import annotations
 
@@ -10,23 +10,16 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from dashboards.style import METHOD_ORDER, Z_95
+from dashboards.style import Z_95
 from dashboards.timeline.columns import CameraRows
 from dashboards.timeline.names import markdown
 from dashboards.timeline.slots import SLOTS
 from pipeline import __version__
 from pipeline.core.arrays import FloatArray
+from pipeline.estimate.methods import IN_ORDER, NAMES, in_order
 
 MAX_ROWS = 200
 TEXT_COLUMNS = ("camera", "class", "method")
-METHOD_TEXTS = {
-    "fused": "the methods that apply, weighted by their precision and smoothed along the track",
-    "ground": "the ray through the feet meets the ground",
-    "aperture": "Eq. 16: size in the picture, focal length, aperture, and the constant k",
-    "inverse": "Eq. 17: a line in the inverse of the size in the picture",
-    "size": "the size in the picture against the usual size of such an object",
-    "defocus": "how far the edges are blurred",
-}
 INTRINSICS_TEXTS = {
     "recording": "from the recording",
     "camera_file": "from the camera file",
@@ -39,7 +32,7 @@ POSE_TEXTS = {"walkers": "found from the people who walk on it", "truth": "found
 def about_text(
     recording: Mapping[str, Any], cameras: Sequence[CameraRows], tables: Mapping[str, pa.Table]
 ) -> str:
-    """Return what recording, cameras, calibrations and methods these are, and how to read them."""
+    """Return the panel About: recording, cameras, calibrations, methods, and how to read the views."""
     parts = [_recording_text(recording)]
     for rows in cameras:
         parts.append(_camera_text(rows))
@@ -95,11 +88,15 @@ def _camera_text(rows: CameraRows) -> str:
 
 def _lens_text(camera: Mapping[str, Any]) -> str:
     if camera["fx_px"] is None:
-        return "No lens data: no distance can be told."
+        return "No lens data: no distance can be estimated."
     source = INTRINSICS_TEXTS.get(camera["intrinsics_source"], "")
     lens = f"focal length {camera['fx_px']:.1f} x {camera['fy_px']:.1f} px"
     distorted = any(camera["distortion"] or [])
-    note = " Its distortion is reckoned with, but not drawn in the scene." if distorted else ""
+    note = (
+        " Its distortion is corrected in all numbers, but not drawn in the scene."
+        if distorted
+        else ""
+    )
     return f"{camera['width_px']} x {camera['height_px']} px, {lens} {source}.{note}"
 
 
@@ -131,14 +128,13 @@ def _methods_text(cameras: Sequence[CameraRows]) -> str:
         return "#### Methods\n\nNo distance was estimated."
     lines = [
         "#### Methods",
-        "An observation is drawn by the first of these that has a depth for it:",
+        "Of these methods, the first that has a depth for an observation is drawn:",
     ]
-    names = [str(m) for m in METHOD_ORDER if m in used]
-    names += sorted(set(used) - set(names))
+    texts = {method.name: method.text for method in IN_ORDER}
     items = []
-    for method in names:
+    for method in in_order(set(used)):
         drawn = sum(int((rows.best_method == method).sum()) for rows in cameras)
-        text = METHOD_TEXTS.get(method, "")
+        text = texts.get(method, "")
         items.append(f"- **{markdown(method)}**: {text} (drawn: {drawn:,})")
     lines.append("\n".join(items))
     return "\n\n".join(lines)
@@ -162,7 +158,7 @@ def _calibrations_text(calibrations: pa.Table) -> str:
 
 
 def _diagnostics_text(diagnostics: pa.Table) -> str:
-    """Return what was wrong, a line a kind: also of a recording that has no frame to log it at."""
+    """Return the diagnostics, a line for each kind: also of a recording without frames."""
     kinds: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for row in diagnostics.to_pylist():
         kinds.setdefault((row["severity"], row["code"]), []).append(row)
@@ -173,24 +169,24 @@ def _diagnostics_text(diagnostics: pa.Table) -> str:
             f"- **{markdown(code)}** ({markdown(severity)}, {times:,} times): "
             f"{markdown(rows[0]['message'])}"
         )
-    return "\n\n".join(["#### What was wrong", "\n".join(lines)])
+    return "\n\n".join(["#### Diagnostics", "\n".join(lines)])
 
 
 def _reading_text(cameras: Sequence[CameraRows]) -> str:
     lines = [
-        "#### How to read it",
-        "Depth is the distance along the optical axis. Intervals and bands hold 95 % if errors are "
-        "normal: 1.96 standard deviations to either side. Rerun calls the square of that half width "
-        "the variance of a curve.",
-        'A label says the number of the track, its depth and its height. "height assumed" marks a '
-        "height that was put in, not measured; such a height is in no curve.",
-        '"Not one object" marks a height that one object of its class cannot have: two people in '
-        "one box, or half of one.",
-        "What is true is white; where the true size of a thing is not known its outline has the size "
-        "that was seen. Boxes, bodies, trails, curves and bars of one track have one colour; a track "
-        "that begins after another has ended may take its colour over.",
-        "A bar says what is known of its track: seen; hidden (its head or its feet cannot be seen: "
-        "behind something, or outside the picture); or predicted, between frames in which it was seen.",
+        "#### Notes for reading",
+        "Depth is the distance along the optical axis. Intervals and bands are 95 % intervals for "
+        "normal errors: 1.96 standard deviations to either side. Rerun calls the square of that half "
+        "width the variance of a curve.",
+        'A label has the number of the track, its depth and its height. "height assumed" marks a '
+        "height that was assumed, not measured; such a height is in no curve.",
+        '"Not one object" marks a height that is impossible for one object of its class: two people '
+        "in one box, or half a person.",
+        "Ground truth is white; where the true size of an object is not known its outline has the "
+        "estimated size. Boxes, bodies, trails, curves and bars of one track have one colour; a track "
+        "that begins after another has ended may have the same colour.",
+        "A bar shows the state of its track: seen; hidden (head or feet cannot be seen: behind "
+        "something, or outside the picture); or predicted, between frames in which it was seen.",
     ]
     without = sum(int((rows.tracks.slot < 0).sum()) for rows in cameras)
     if without:
@@ -203,7 +199,7 @@ def _reading_text(cameras: Sequence[CameraRows]) -> str:
 
 def tracks_text(tables: Mapping[str, pa.Table], cameras: Sequence[CameraRows]) -> str:
     """Return a table of the tracks, each by its best method, the longest first if there are many."""
-    rank = {str(method): i for i, method in enumerate(METHOD_ORDER)}
+    rank = {name: i for i, name in enumerate(NAMES)}
     best: dict[tuple[str, int], dict[str, Any]] = {}
     for row in tables["track_heights"].to_pylist():
         key = (row["camera"], row["track_id"])
@@ -215,7 +211,7 @@ def tracks_text(tables: Mapping[str, pa.Table], cameras: Sequence[CameraRows]) -
     true = _true_of_tracks(cameras)
     head = ["camera"] if len(cameras) > 1 else []
     head += ["track", "class", "frames", "first", "last", "depth, m", "height, m (95 %)", "method"]
-    head += ["true height, m", "depth off"] if true else []
+    head += ["true height, m", "depth error"] if true else []
     lines = [
         _table_row(head),
         _table_row([":--" if h in TEXT_COLUMNS else "--:" for h in head]),
@@ -244,8 +240,10 @@ def tracks_text(tables: Mapping[str, pa.Table], cameras: Sequence[CameraRows]) -
 
 
 def _tracks_without_distance(tracks: pa.Table) -> str:
-    """Return what there is to say of tracks that no method applies to."""
-    lines = ["No track has a distance: no method applies. About says what is known of the camera."]
+    """Return a list of the tracks where no method applies to any."""
+    lines = [
+        "No track has a distance: no method applies. The tab About shows the lens and pose data."
+    ]
     if tracks.num_rows:
         head = ["camera", "track", "class", "frames", "first", "last"]
         lines += ["", _table_row(head), _table_row([":--"] * len(head))]

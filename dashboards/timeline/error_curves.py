@@ -1,4 +1,4 @@
-"""Errors against the truth: each frame's as curves, a line a method, and the worst ones marked."""
+"""Errors against the truth: curves over frames, one line for each method, with the largest marked."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def entity_part(text: object) -> str:
 
 
 def path(*parts: object) -> str:
-    """Return an entity path; a name from a file is one part of it, whatever it holds."""
+    """Return an entity path; a name from a file is one part of it, with any characters."""
     return rr.new_entity_path([entity_part(part) for part in parts])
 
 

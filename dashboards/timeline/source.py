@@ -25,6 +25,7 @@ from pipeline.mcap_file.reader import McapFile
 from pipeline.messages.protobuf import bytes_field
 from pipeline.messages.tree import UndecodableMessage
 from pipeline.store.database import Store
+from pipeline.store.estimates import read_current
 
 PASS_ONE_TABLES = (
     "cameras",
@@ -69,7 +70,7 @@ def read_tables(store: Store, recording_id: str, span: Span | None) -> dict[str,
     """Return the rows of a recording, or those that belong to frames of a span."""
     if span is None:
         tables = {name: store.read(name, recording_id) for name in PASS_ONE_TABLES}
-        tables |= {name: store.read_current(name, recording_id) for name in PASS_TWO_TABLES}
+        tables |= {name: read_current(store, name, recording_id) for name in PASS_TWO_TABLES}
     else:
         tables = {
             name: store.query(f"{_SPAN} {sql}", [recording_id, *span])

@@ -71,7 +71,7 @@ def send_rows(
     columns: Columns,
     style: rr.AsComponents | None = None,
 ) -> None:
-    """Send one thing a row, and how it looks.
+    """Send one thing for each row, and how it looks.
 
     Args:
         stream: where to.

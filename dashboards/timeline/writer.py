@@ -1,4 +1,4 @@
-"""The timeline of recordings: their pictures with what was measured in them, for Rerun.
+"""Timelines of recordings for Rerun: the pictures with the measurements in them.
 
 Pictures pass through undecoded. Everything is sent as columns; nothing is logged object by object.
 
@@ -6,19 +6,20 @@ Pictures pass through undecoded. Everything is sent as columns; nothing is logge
     cameras/NAME/camera/image        the pictures
     cameras/NAME/camera/tracks       boxes in the picture; labels and truth beside them
     cameras/NAME/people, truth       bodies where things stand and where they truly were, in metres
-    cameras/NAME/trails/AGE          where they came from
-    cameras/NAME/ground              what of it the picture shows, and distances
-    cameras/NAME/depth/METHOD        depth over time, a line a slot; METHOD `best` is what is drawn
+    cameras/NAME/trails/AGE          their paths so far
+    cameras/NAME/ground              the part of it in the picture, and distances
+    cameras/NAME/depth/METHOD        depth over time, a line for each slot; `best` is what is drawn
     cameras/NAME/height/METHOD       height over time, where it was measured
-    cameras/NAME/error/WHAT/METHOD   errors against the truth; `worst` marks the largest
-    cameras/NAME/lanes/LANE          states of tracks, of exposure, of what was wrong
+    cameras/NAME/error/WHAT/METHOD   errors against the truth; `worst` marks the largest ones
+    cameras/NAME/lanes/LANE          states of tracks and exposure, and diagnostics
     cameras/NAME/exposure/WHAT       EV100, ISO, shutter, f-number, luminance
-    about, tracks, diagnostics       what recordings these are, their tracks, and what was wrong
+    about, tracks, diagnostics       the recordings, their tracks, and diagnostics
 
 Of several recordings NAME is that of the file and of the camera. They share the clocks `time` and
 `elapsed`; the frames of each are its own.
 
-However many tracks there are, the entities are as many: tracks share slots (`dashboards.timeline.slots`).
+The number of entities does not grow with the number of tracks: tracks share slots
+(`dashboards.timeline.slots`).
 """
 
 from __future__ import annotations
@@ -112,13 +113,13 @@ def write_timeline(
 
 
 def camera_views(sources: Sequence[Source], options: TimelineOptions) -> list[CameraView]:
-    """Return what there is to show of the cameras of some recordings."""
+    """Return the layout facts of the cameras of some recordings."""
     cameras = (_cameras(source, options, len(sources)) for source in sources)
     return [camera_view(rows) for own in cameras for rows in own]
 
 
 def _identity(sources: Sequence[Source], options: TimelineOptions) -> str:
-    """Return a name that differs where what is shown does: two of one name would be merged."""
+    """Return a name that is different for different content: the viewer merges two of one name."""
     frames = [
         (f["frame_index"][0].as_py(), f.num_rows) if f.num_rows else None
         for f in (source.tables["frames"] for source in sources)

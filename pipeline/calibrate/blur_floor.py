@@ -16,6 +16,7 @@ import pandas as pd
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import CameraConfig
 from pipeline.core.errors import CalibrationUndetermined
+from pipeline.core.robust import MAD_TO_STD
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods.defocus import LENS_STD, BlurVariance, focus_std_per_m
 from pipeline.estimate.methods.defocus_sweep import LEAST_STD_PX, solve
@@ -48,7 +49,7 @@ def calibrate_blur_floor(measured: Measured, true_depth_m: FloatArray) -> BlurFl
     """
     if measured.blur_sigma_px is None:
         raise CalibrationUndetermined("no blur was measured in the pictures")
-    blur = BlurVariance.of(Geometry(measured), CameraConfig(measured.camera))
+    blur = BlurVariance.of(Geometry.of(measured), CameraConfig(measured.camera))
     excess = blur.variance - blur.diffraction
     before = (blur.floor - blur.diffraction, blur.floor_std)
     found = []
@@ -101,7 +102,7 @@ def _by_truth(
     if middle <= 0:
         return None
     z = np.abs(left - middle) * np.sqrt(weight)
-    wider = max(1.4826 * float(np.median(z)), 1.0)
+    wider = max(MAD_TO_STD * float(np.median(z)), 1.0)
     return _floor(middle, wider * np.sqrt(np.pi / 2 / total[-1]), "truth", int(known.sum()))
 
 

@@ -78,7 +78,7 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from pipeline.core.calibration import Method
+    from pipeline.core.calibration import CalibratedMethod
     from pipeline.core.config import load_config
     from pipeline.run.calibration import (
         TruthOptions,
@@ -108,7 +108,7 @@ def call(arguments: argparse.Namespace) -> int:
         found = print_poses(poses)
     else:
         options = TruthOptions(
-            methods=[Method(m) for m in arguments.method or ("aperture", "size", "inverse")],
+            methods=[CalibratedMethod(m) for m in arguments.method or CalibratedMethod],
             robust=arguments.robust,
             folds=arguments.folds,
             seed=arguments.seed,

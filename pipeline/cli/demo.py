@@ -266,6 +266,8 @@ def _cm(value_cm: float | None) -> str:
 
 def print_tracks(store: Store, recording_id: str, title: str) -> int:
     """Print the tracks of a recording: where, how tall, by the best method; return how many."""
+    from pipeline.estimate.methods import NAMES
+
     best = store.query(
         """
         SELECT track_id, camera, method, height_m, height_std_m, height_assumed, height_plausible,
@@ -276,13 +278,11 @@ def print_tracks(store: Store, recording_id: str, title: str) -> int:
         QUALIFY row_number() OVER (
             PARTITION BY camera, track_id
             -- the number that assumes the least
-            ORDER BY list_position(
-                ['fused', 'ground', 'defocus', 'aperture', 'inverse', 'size'], method
-            )
+            ORDER BY list_position(?, method)
         ) = 1
         ORDER BY camera, track_id
         """,
-        [recording_id],
+        [recording_id, list(NAMES)],
     ).to_pylist()
     rows = []
     for track in best:

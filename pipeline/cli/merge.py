@@ -20,7 +20,7 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from pipeline.store.parquet import merge
+    from pipeline.cluster.results_folder import merge
 
     count = merge(arguments.parts, arguments.db)
     out.print(f"{safe(arguments.db)}: {count:,} recordings added", soft_wrap=True)

@@ -61,8 +61,8 @@ def answer(
         StoreError: the database cannot be opened.
         UsageError: DuckDB does not accept the statement, or there is no such view.
     """
+    from pipeline.cluster.results_folder import open_shared
     from pipeline.store.database import Store
-    from pipeline.store.parquet import open_shared
 
     opened = Store.open(database, read_only=True) if parts is None else open_shared(parts)
     with opened as store:

@@ -10,6 +10,7 @@ from pipeline.cli.console import err, out, print_rows, progress_lines, safe
 from pipeline.cli.exit_codes import code_of
 from pipeline.cli.options import Commands, add_database, add_preview, timeline_config
 from pipeline.core.errors import UsageError
+from pipeline.detect import CHOICES, check_detector
 
 if TYPE_CHECKING:
     from pipeline.cluster.shared_run import SharedResult
@@ -32,7 +33,7 @@ def add(commands: Commands) -> None:
         help="a timeline for each so many minutes of a recording (default: 60)",
     )
     parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")
-    parser.add_argument("--detector", choices=("auto", "recorded", "roi", "motion", "onnx"))
+    parser.add_argument("--detector", choices=CHOICES)
     parser.add_argument("--model", type=Path, metavar="FILE", help="the network of onnx")
     parser.add_argument("--model-family", metavar="NAME", help="where its outputs fit several")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
@@ -132,10 +133,7 @@ def _detect_config(arguments: argparse.Namespace, detect: DetectConfig) -> Detec
         detect = replace(detect, model_family=arguments.model_family)
     if arguments.detector is not None:
         detect = replace(detect, method=arguments.detector)
-    if detect.method == "onnx":  # a wrong model is told once, before hours of footage
-        from pipeline.detect.network.detector import OnnxDetector
-
-        OnnxDetector(detect)
+    check_detector(detect)  # a wrong model is told once, before hours of footage
     return detect
 
 

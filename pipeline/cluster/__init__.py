@@ -6,5 +6,5 @@ stitch:   windows of one recording put together again
 tasks:    what one task does
 run:      what there is to do, and what is done already
 
-Nothing here talks to another task: they meet in a folder that all machines see (`store.manifest`).
+Nothing here talks to another task: they meet in a folder that all machines see (`cluster.manifest`).
 """

@@ -24,6 +24,7 @@ from pipeline.cluster.manifest import (
     new_parts_folder,
     write_manifest,
 )
+from pipeline.cluster.results_folder import export
 from pipeline.cluster.split import Plan, Window, WindowFile, plan_windows
 from pipeline.cluster.stitch import stitch
 from pipeline.core.config import Config
@@ -32,8 +33,9 @@ from pipeline.core.records import Diagnostic, Severity
 from pipeline.core.timing import StageTimes
 from pipeline.run.pass_one import measure_recording
 from pipeline.run.recording import commit
-from pipeline.store.database import RecordingRow, Store
-from pipeline.store.parquet import export
+from pipeline.store.database import Store
+from pipeline.store.recordings import RecordingRow, add_diagnostics
+from pipeline.store.runs import finish_run
 from pipeline.store.scratch import Begun, own_store
 
 _DONE = "window.json"
@@ -162,7 +164,7 @@ def _failed(path: Path, run: Run, error: StadimeterError | OSError) -> Manifest:
     note = Diagnostic(Severity.ERROR, "unreadable_file", problem)
     with own_store(run.begun) as store:
         with store.transaction():
-            store.add_diagnostics([note], None, run.begun.run_id, path.name)
+            add_diagnostics(store, [note], None, run.begun.run_id, path.name)
         return _publish(store, key_of_failure(source), source, run, None, problem)
 
 
@@ -174,7 +176,7 @@ def _publish(
     row: RecordingRow | None,
     failure: str | None,
 ) -> Manifest:
-    store.finish_run(run.begun.run_id)
+    finish_run(store, run.begun.run_id)
     target = new_parts_folder(run.folder, key)
     manifest = Manifest(
         key=key,

@@ -1,1 +1,1 @@
-"""Core."""
+"""Records, configuration and errors that every stage shares."""

@@ -1,4 +1,4 @@
-"""Calibrations: what turns a size in the picture into a depth."""
+"""Calibrations, which turn a size in the picture into a depth."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ import numpy as np
 from pipeline.core.arrays import NAN, FloatArray
 
 
-class Method(StrEnum):
-    """How a depth came about (DESIGN, section 2)."""
+class CalibratedMethod(StrEnum):
+    """Methods that a calibration can be for; the table of all methods is `pipeline.estimate.methods`."""
 
     APERTURE = "aperture"
-    INVERSE = "inverse"
     SIZE = "size"
-    GROUND = "ground"
-    DEFOCUS = "defocus"
-    FUSED = "fused"
+    INVERSE = "inverse"
+
+    def __repr__(self) -> str:
+        """Return the text that `calibration_id` was made of in databases of earlier versions."""
+        return f"<Method.{self.name}: {self.value!r}>"
 
 
 class Dimension(StrEnum):
-    """Which side of the box a size or a calibration speaks of."""
+    """Side of the box that a size or a calibration speaks of."""
 
     WIDTH = "width"
     HEIGHT = "height"
@@ -41,16 +42,16 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What turns a size in the picture into a depth, for one camera, object class and dimension.
+    """Numbers that turn a size in the picture into a depth, for one camera, class and dimension.
 
-    A calibration of the paper's kind is an object size in disguise (DESIGN, section 1), so it
-    belongs to what it was made on. Empty `camera` means any camera.
+    A calibration of the paper's kind is an object size in disguise (k = O / (10 a_R), `docs/optics.md`),
+    so it belongs to what it was made on. Empty `camera` means any camera.
 
     Parameters by method: `aperture` has one `k` an f-number (Eq. 16); `inverse` has `b0_m` and
     `b1_m_mm` (Eq. 17: depth = b0 + b1 / size on the sensor); `size` has `object_size_m`.
     """
 
-    method: Method
+    method: CalibratedMethod
     object_class: str
     dimension: Dimension
     parameters: tuple[Parameter, ...]

@@ -57,7 +57,7 @@ def write_camera_file(path: Path, config: Config) -> None:
 
 
 def _reads_as(path: Path, config: Config) -> bool:
-    """Whether a file says what it should: unusual text may not be cut at its headers."""
+    """Return whether a file says what it should: unusual text may not be cut at its headers."""
     try:
         return repr(read_config(path)) == repr(config)
     except UsageError:
@@ -86,7 +86,7 @@ def _section_names() -> list[str]:
 
 
 def _is_table(block: str) -> bool:
-    """Whether a block opens a table: keys of the file itself must stand before all tables."""
+    """Return whether a block opens a table: keys of the file itself must stand before all tables."""
     return block.startswith("[")
 
 

@@ -23,14 +23,15 @@ import tomllib
 import types
 import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass, make_dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.core.arrays import NAN
 from pipeline.core.calibration import Calibration, Dimension
 from pipeline.core.errors import UsageError, Where
+from pipeline.core.exposure import FIELDS
 from pipeline.core.setting_bounds import impossible_settings
 from pipeline.core.stature import adults_of, adults_of_anywhere
 
@@ -67,7 +68,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class IngestConfig:
-    """How messages become frames."""
+    """Options of assembling frames from messages."""
 
     exposure_tolerance_s: float = EXPOSURE_TOLERANCE_S
     reorder_s: float = 0.25  # messages later than this behind the newest are not waited for
@@ -77,9 +78,9 @@ class IngestConfig:
 
 @dataclass(frozen=True, slots=True)
 class DetectConfig:
-    """How objects are found."""
+    """Options of detection."""
 
-    method: str = "auto"  # auto, recorded, roi, motion, onnx
+    method: str = "auto"  # auto, or a row of `pipeline.detect.DETECTORS`
     # How much of the recording is seen before the first answer: someone walking at 1 m/s leaves
     # every spot within it, so the median of its pictures shows the background.
     learning_s: float = 15.0
@@ -89,7 +90,7 @@ class DetectConfig:
     min_height: float = 0.04
     # What follows is for the method onnx. Relative paths start at the camera file's folder.
     model: str = ""
-    model_family: str = "auto"  # see `pipeline.detect.network.output`
+    model_family: str = "auto"  # see `pipeline.detect.network.families`
     model_classes: tuple[str, ...] = ()  # by index, where the file does not name them
     model_backend: str = "auto"  # auto, onnxruntime, opencv
     model_input_px: int = 0  # side of the input where the file leaves it open; 0: the usual one
@@ -102,7 +103,7 @@ class DetectConfig:
 
 @dataclass(frozen=True, slots=True)
 class TrackConfig:
-    """How observations are joined into tracks."""
+    """Options of joining observations into tracks."""
 
     coast_s: float = 2.0  # a walker passes behind a van or a tree within two seconds
     coast_new_s: float = 0.5  # a track that is not confirmed yet is not worth waiting for
@@ -110,7 +111,7 @@ class TrackConfig:
     min_duration_s: float = 0.4  # or they all came at once
 
     def noisy(self, count: int, duration_s: float) -> bool:
-        """Whether a track was seen too seldom or too briefly to be an object."""
+        """Return whether a track was seen too seldom or too briefly to be an object."""
         return count < self.min_count or duration_s < self.min_duration_s
 
 
@@ -128,7 +129,7 @@ class SizePrior:
 
     @property
     def mean_uncertainty_m(self) -> float:
-        """How sure the mean is: as stated, else by the size of the sample, else as of adults."""
+        """Deviation of the mean: as stated, else by the size of the sample, else as of adults."""
         if math.isfinite(self.mean_std_m):
             return self.mean_std_m
         if self.object_count:
@@ -168,32 +169,34 @@ def adult_of(country: str) -> SizePrior:
 
 @dataclass(frozen=True, slots=True)
 class EstimateConfig:
-    """How sizes become depths."""
+    """Options of estimates of depth."""
 
     extrapolate: bool = False  # use a calibration outside the range in which it was fitted
 
 
-@dataclass(frozen=True, slots=True)
-class ExposureFields:
-    """Where a recording keeps exposure values: topic, field and unit ("/diag.exposure us")."""
+if TYPE_CHECKING:
 
-    exposure_time_s: str = ""
-    f_number: str = ""
-    iso_speed: str = ""
-    exposure_bias_ev: str = ""
-    focal_length_mm: str = ""
-    focus_distance_m: str = ""
-    gain_db: str = ""
-    digital_zoom_ratio: str = ""
-    pixel_pitch_x_um: str = ""
-    pixel_pitch_y_um: str = ""
-    sensor_width_px: str = ""
-    sensor_height_px: str = ""
+    @dataclass(frozen=True, slots=True, init=False)
+    class ExposureFields:
+        """Topic, field and unit ("/diag.exposure us") of each exposure value, by its name."""
+
+        def __init__(self, **places: str) -> None:
+            """Take the place of each value of `pipeline.core.exposure.FIELDS` that has one."""
+
+else:  # a field of text for each row of the table
+    ExposureFields = make_dataclass(
+        "ExposureFields",
+        [(name, str, "") for name in FIELDS],
+        frozen=True,
+        slots=True,
+        namespace={"__module__": __name__},
+    )
+NO_EXPOSURE_FIELDS = ExposureFields()
 
 
 @dataclass(frozen=True, slots=True)
 class TimelineConfig:
-    """How timelines are written (`--rrd`, `stadimeter review`)."""
+    """Options of timelines (`--rrd`, `stadimeter review`)."""
 
     preview_px: int | None = None  # the longer side of their pictures; None: as recorded
     split_s: float = 3600.0  # a file an hour: with previews about as much as a viewer holds
@@ -201,7 +204,7 @@ class TimelineConfig:
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """What is known of a camera beside its recordings; NaN is unknown.
+    """Facts about a camera beside its recordings; NaN is unknown.
 
     It fills, and never overrides, what a recording says.
     """
@@ -234,7 +237,7 @@ class CameraConfig:
     roll_std_deg: float = 0.0
     pose_correlation: tuple[float, ...] = ()  # height with tilt, height with roll, tilt with roll
     roi_xyxy_px: tuple[float, ...] = ()  # the paper's cropping: one object fills this region
-    exposure: ExposureFields = ExposureFields()  # other channels, before what exposure messages say
+    exposure: ExposureFields = NO_EXPOSURE_FIELDS  # other channels, before exposure messages
 
     def __post_init__(self) -> None:
         """Refuse correlations that are none."""

@@ -49,7 +49,7 @@ class Notes:
 
     @property
     def lost_data(self) -> bool:
-        """Whether anything in the input could not be read."""
+        """Return whether anything in the input could not be read."""
         return any(n.severity is Severity.ERROR for n in self._notes.values())
 
 

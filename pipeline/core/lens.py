@@ -1,4 +1,4 @@
-"""What a recording and a camera file together say of a lens, in pixels of the stored picture."""
+"""Lens by recording and camera file together, in pixels of the stored picture."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from pipeline.core.arrays import NAN
 from pipeline.core.config import CameraConfig
-from pipeline.core.exposure import Exposure
+from pipeline.core.exposure import FIELDS, Exposure
 from pipeline.core.records import Intrinsics
 
 # A picture that was scaled keeps its aspect ratio to within the rounding of its sides.
@@ -15,6 +15,9 @@ ASPECT_TOLERANCE = 0.01
 # Focal length over pixel pitch and a calibrated focal length in pixels differ by the focus (v > f)
 # and by rounding of the lens data, both under a few per cent; more is a contradiction.
 FOCAL_TOLERANCE = 0.05
+# The diagonal of a frame of 35 mm film, 43.27 mm. A lens of the equivalent focal length sees the same
+# angle across it as the real lens across the picture (CIPA DCG-001; EXIF 2.32, FocalLengthIn35mmFilm).
+DIAGONAL_35MM_MM = math.hypot(36.0, 24.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +29,9 @@ class Lens:
     focus_distance_m: float
     pixel_pitch_x_um: float
     pixel_pitch_y_um: float
+    focal_length_35mm_mm: float = NAN
+    # Whether angles and pitch come from it, as nothing better is stated.
+    by_equivalent: bool = False
 
 
 def lens_of(
@@ -35,23 +41,61 @@ def lens_of(
     width_px: int,
     height_px: int,
 ) -> Lens:
-    """Combine a frame's exposure with the camera file; the recording's word goes first."""
+    """Combine a frame's exposure with the camera file; the recording's word goes first.
+
+    A recording that states no pitch, but the focal length for 35 mm film, gives the pitch by it, unless
+    it holds a calibration: the equivalent is rounded to a millimetre, a calibration is better.
+    """
     focal_length_mm = _known(exposure.focal_length_mm, camera.focal_length_mm)
-    sensor_x_um = _known(exposure.pixel_pitch_x_um, camera.pixel_pitch_x_um)
-    sensor_y_um = _known(exposure.pixel_pitch_y_um, camera.pixel_pitch_y_um, sensor_x_um)
-    zoom = _known(exposure.digital_zoom_ratio, 1.0)
-    pitch_x_um = sensor_x_um * _scale(exposure.sensor_width_px, width_px) / zoom
-    pitch_y_um = sensor_y_um * _scale(exposure.sensor_height_px, height_px) / zoom
+    equivalent_mm, pitch_um = exposure.focal_length_35mm_mm, NAN
+    if math.isnan(exposure.pixel_pitch_x_um) and intrinsics is None:
+        pitch_um = pitch_by_equivalent_um(focal_length_mm, equivalent_mm, width_px, height_px)
+    pitch_x_um, pitch_y_um = pitch_um, pitch_um
+    if math.isnan(pitch_um):
+        pitch_x_um, pitch_y_um = _stated_pitches_um(exposure, camera, width_px, height_px)
     if intrinsics is not None:
         pitch_x_um = _known(pitch_x_um, focal_length_mm * 1e3 / intrinsics.fx_px)
         pitch_y_um = _known(pitch_y_um, focal_length_mm * 1e3 / intrinsics.fy_px)
+    no_angles = math.isnan(focal_length_mm / pitch_x_um)
     return Lens(
         f_number=_known(exposure.f_number, camera.f_number),
         focal_length_mm=focal_length_mm,
         focus_distance_m=_known(exposure.focus_distance_m, camera.focus_distance_m),
         pixel_pitch_x_um=pitch_x_um,
         pixel_pitch_y_um=pitch_y_um,
+        focal_length_35mm_mm=equivalent_mm,
+        by_equivalent=not math.isnan(pitch_um if not no_angles else equivalent_mm),
     )
+
+
+def _stated_pitches_um(
+    exposure: Exposure, camera: CameraConfig, width_px: int, height_px: int
+) -> tuple[float, float]:
+    """Return the pitches of the stored picture's pixels by those of the sensor's; NaN if unknown."""
+    sensor_x_um = _known(exposure.pixel_pitch_x_um, camera.pixel_pitch_x_um)
+    sensor_y_um = _known(exposure.pixel_pitch_y_um, camera.pixel_pitch_y_um, sensor_x_um)
+    zoom = _known(exposure.digital_zoom_ratio, 1.0)
+    return (
+        sensor_x_um * _scale(exposure.sensor_width_px, width_px) / zoom,
+        sensor_y_um * _scale(exposure.sensor_height_px, height_px) / zoom,
+    )
+
+
+def pitch_by_equivalent_um(
+    focal_length_mm: float, focal_length_35mm_mm: float, width_px: int, height_px: int
+) -> float:
+    """Return the pitch of a picture's pixels by its focal length and the one for 35 mm film.
+
+    The sensor's diagonal is that of 35 mm film times focal_length_mm / focal_length_35mm_mm. The
+    equivalent is of the picture as it is, digital zoom included. NaN where anything is unknown, or no
+    sensor has such a pitch.
+    """
+    if width_px <= 0 or height_px <= 0:
+        return NAN
+    diagonal_mm = DIAGONAL_35MM_MM * focal_length_mm / focal_length_35mm_mm
+    pitch_um = diagonal_mm * 1e3 / math.hypot(width_px, height_px)
+    low_um, high_um = FIELDS["pixel_pitch_x_um"].bounds
+    return pitch_um if low_um <= pitch_um <= high_um else NAN
 
 
 def intrinsics_of(
@@ -60,7 +104,8 @@ def intrinsics_of(
     """Return the pinhole camera of a picture, where it comes from, and a complaint.
 
     From the recording, scaled to the picture if it was made at another size; else from the camera
-    file; else from focal length and pixel pitch with the centre assumed in the middle.
+    file; else from focal length and pixel pitch, or the focal length for 35 mm film alone, with the
+    centre assumed in the middle.
     """
     complaint = None
     if recorded is not None:
@@ -88,6 +133,9 @@ def intrinsics_of(
         )
     fx_px = lens.focal_length_mm * 1e3 / lens.pixel_pitch_x_um
     fy_px = lens.focal_length_mm * 1e3 / lens.pixel_pitch_y_um
+    if not math.isfinite(fx_px + fy_px):  # angles need no pitch where the equivalent is stated
+        diagonal_px = math.hypot(width_px, height_px)
+        fx_px = fy_px = lens.focal_length_35mm_mm * diagonal_px / DIAGONAL_35MM_MM
     if not math.isfinite(fx_px + fy_px):
         return None, None, complaint
     centre_x_px, centre_y_px = (width_px - 1) / 2, (height_px - 1) / 2

@@ -1,4 +1,4 @@
-"""How long work tells that it is alive: a plain record that any process can send."""
+"""Progress of long work: a plain record that any process can send."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Progress(NamedTuple):
-    """How far a recording is."""
+    """Progress of one recording."""
 
     file_name: str
     stage: str  # "measure", "estimate", "timeline", "done"

@@ -18,7 +18,7 @@ from pipeline.core.exposure import Exposure
 
 
 class Pairing(StrEnum):
-    """How a frame came by its exposure."""
+    """Origin of the exposure of a frame."""
 
     NEAREST = "nearest"  # an exposure within the tolerance
     LAST_KNOWN = "last_known"  # none within the tolerance; the last one before the frame
@@ -50,7 +50,7 @@ class FoundLens:
 
 @dataclass(frozen=True, slots=True)
 class Boxes:
-    """What a detector found in one frame: a structure of n-long arrays."""
+    """Boxes that a detector found in one frame: a structure of n-long arrays."""
 
     bbox_xyxy_px: FloatArray  # (n, 4)
     score: FloatArray  # (n,), 0..1
@@ -80,7 +80,7 @@ class Boxes:
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """Where tracks must be in a frame that is not looked at yet: a structure of n-long arrays."""
+    """Predicted boxes of tracks in a frame that is not looked at yet: a structure of n-long arrays."""
 
     bbox_xyxy_px: FloatArray  # (n, 4)
     walked: BoolArray  # (n,), whether they have come from elsewhere
@@ -103,7 +103,7 @@ class TrueObject:
 
 @dataclass(frozen=True, slots=True)
 class RawLayout:
-    """How bare pixels lie in their bytes; `encoding` is ROS' or Foxglove's name, or i420."""
+    """Layout of bare pixels in their bytes; `encoding` is ROS' or Foxglove's name, or i420."""
 
     encoding: str
     width_px: int
@@ -138,7 +138,7 @@ class Frame:
 
 
 class Severity(StrEnum):
-    """How much a diagnostic matters."""
+    """Severity of a diagnostic."""
 
     INFO = "info"
     WARNING = "warning"  # a value was refused or assumed

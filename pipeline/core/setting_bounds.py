@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
-from pipeline.core.exposure import BOUNDS as EXPOSURE_BOUNDS
+from pipeline.core.exposure import FIELDS
 from pipeline.core.stature import MEAN_CM
 
 INFINITY = math.inf
@@ -26,7 +26,7 @@ class Bound:
     zero_is_open: bool = False  # whether zero stands for "decide by yourself"
 
     def holds(self, value: float) -> bool:
-        """Whether a value is possible; an infinite one is only where the bound is infinite."""
+        """Return whether a value is possible; an infinite one is only where the bound is infinite."""
         if self.zero_is_open and value == 0:
             return True
         above = value > self.low if self.above_low else value >= self.low
@@ -50,7 +50,7 @@ _LENGTH_STD_M = Bound(0.0, 1e4)
 _DEVIATION_DEG = Bound(0.0, 90.0)
 
 _LENS = {
-    name: Bound(*EXPOSURE_BOUNDS[name])
+    name: Bound(*FIELDS[name].bounds)
     for name in (
         "focal_length_mm",
         "f_number",
@@ -111,7 +111,7 @@ BOUNDS: Mapping[str, Mapping[str, Bound]] = {
     "Parameter": {
         "value": Bound(-1e9, 1e9),
         "std_error": Bound(0.0, 1e9),
-        "f_number": Bound(*EXPOSURE_BOUNDS["f_number"]),
+        "f_number": Bound(*FIELDS["f_number"].bounds),
     },
 }
 

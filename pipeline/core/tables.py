@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import pyarrow as pa
 
+from pipeline.core.exposure import FIELDS
+
 
 def _schema(*columns: tuple[str, pa.DataType]) -> pa.Schema:
     return pa.schema([pa.field(name, kind) for name, kind in columns])
@@ -56,15 +58,7 @@ FRAMES = _schema(
     ("decoded", _BOOL),
     ("exposure_pairing", _TEXT),
     ("exposure_offset_ns", _I64),
-    ("exposure_time_s", _F64),
-    ("f_number", _F64),
-    ("iso_speed", _F64),
-    ("exposure_bias_ev", _F64),
-    ("gain_db", _F64),
-    ("focal_length_mm", _F64),
-    ("focus_distance_m", _F64),
-    ("pixel_pitch_x_um", _F64),
-    ("pixel_pitch_y_um", _F64),
+    *((row.name, _F64) for row in FIELDS.values() if row.stored),
     ("luminance", _F64),
     ("clipped_fraction", _F64),
     ("ev100", _F64),

@@ -1,4 +1,4 @@
-"""How long each stage of a run takes: counters so cheap that they always run.
+"""Time that each stage of a run takes: counters so cheap that they always run.
 
 A stage has two times. Elapsed time is what a person waits for; processor time is what the stage itself
 costs, without its waiting for a disk, for another thread or for a busy machine.
@@ -69,7 +69,7 @@ class _Stage(Stopwatch):
 
 @dataclass(slots=True)
 class StageTimes:
-    """What the stages of one recording have taken so far; each is added to by one thread only."""
+    """Time that the stages of one recording have taken so far; each is added to by one thread only."""
 
     spent: dict[str, Spent] = field(default_factory=dict)  # in the order of their first use
     threads: dict[str, int] = field(default_factory=dict)  # of stages that run in several

@@ -1,9 +1,10 @@
-"""The detections that a recording holds are taken at their word."""
+"""Recorded detections, taken at their word."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.core.config import CameraConfig, DetectConfig
 from pipeline.core.records import Boxes, Expected, Frame
 from pipeline.images.decode import Picture
 
@@ -14,6 +15,7 @@ class RecordedDetector:
     name = "recorded"
     learning_s = 0.0
     full_resolution = False
+    runs_on_opencv = False
 
     def prepared(self, picture: Picture) -> Picture:
         """Return it as it is."""
@@ -27,3 +29,8 @@ class RecordedDetector:
     ) -> Boxes:
         """Return the recorded boxes of the frame."""
         return frame.detections if frame.detections is not None else Boxes.empty()
+
+
+def make(config: DetectConfig, camera: CameraConfig) -> RecordedDetector:
+    """Return the detector, for the table `DETECTORS`."""
+    return RecordedDetector()

@@ -1,4 +1,4 @@
-"""A region of interest in which one object stands before a plain background: the paper's cropping.
+"""Region of interest in which one object stands before a plain background: the paper's cropping.
 
 The paper crops the object by hand. Here the region is given once, and in every frame the object's
 edges inside it are found to a fraction of a pixel: where the profile of the contrast against the
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.core.arrays import FloatArray
-from pipeline.core.config import CameraConfig
+from pipeline.core.config import CameraConfig, DetectConfig
 from pipeline.core.errors import UsageError
 from pipeline.core.records import Boxes, Expected, Frame
 from pipeline.images.decode import Picture, relative_luminance_of
@@ -35,6 +35,7 @@ class RoiDetector:
     name = "roi"
     learning_s = 0.0
     full_resolution = True
+    runs_on_opencv = False
 
     def __init__(self, camera: CameraConfig) -> None:
         if len(camera.roi_xyxy_px) != 4 or not _ordered(camera.roi_xyxy_px):
@@ -114,3 +115,12 @@ def _edge(rise: FloatArray, at: int, noise: float) -> tuple[float, float]:
     centre = float((weight * position).sum() / weight.sum())
     std = noise * np.sqrt(2 * ((position - centre) ** 2).sum()) / float(weight.sum())
     return centre, float(std)
+
+
+def make(config: DetectConfig, camera: CameraConfig) -> RoiDetector:
+    """Return the detector, for the table `DETECTORS`.
+
+    Raises:
+        UsageError: the camera has no region of interest.
+    """
+    return RoiDetector(camera)

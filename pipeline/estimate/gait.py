@@ -1,6 +1,8 @@
-"""What walking does to a person's height in the picture, and how tall they are when they stand."""
+"""Effect of walking on a person's height in the picture, and the height when standing."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -37,20 +39,23 @@ def walking(measured: Measured, speed_m_s: np.ndarray) -> BoolArray:
 
 def as_standing(
     measured: Measured, estimated: Estimated, speed_m_s: np.ndarray, put_in: BoolArray
-) -> None:
-    """Turn the heights of walkers into what they are when standing, which is what a survey measures.
+) -> Estimated:
+    """Return the heights of walkers as they are when standing, which is what a survey measures.
 
     The drop differs by person, and is common to a track; the rise and fall is each frame's own.
 
     Args:
         measured: the observations.
-        estimated: heights as they are seen; changed in place.
+        estimated: heights as they are seen.
         speed_m_s: of each observation on the ground, (n,), NaN where it is unknown.
         put_in: where the height is that of a prior, which is of people who stand, (n,).
     """
     walks = walking(measured, speed_m_s) & ~put_in & np.isfinite(estimated.height_m)
     common_m = np.hypot(estimated.height_common_std_m, GAIT_DROP_STD_M)
     own_m = np.hypot(np.hypot(estimated.height_std_m, GAIT_DROP_STD_M), GAIT_STD_M)
-    estimated.height_m = np.where(walks, estimated.height_m + GAIT_DROP_M, estimated.height_m)
-    estimated.height_std_m = np.where(walks, own_m, estimated.height_std_m)
-    estimated.height_common_std_m = np.where(walks, common_m, estimated.height_common_std_m)
+    return replace(
+        estimated,
+        height_m=np.where(walks, estimated.height_m + GAIT_DROP_M, estimated.height_m),
+        height_std_m=np.where(walks, own_m, estimated.height_std_m),
+        height_common_std_m=np.where(walks, common_m, estimated.height_common_std_m),
+    )

@@ -26,7 +26,7 @@ class Tracks:
 
     @classmethod
     def of(cls, table: pa.Table) -> Tracks:
-        """Return the rows of `Store.tracks_of` of one camera."""
+        """Return the rows of `track_rows.tracks_of` of one camera."""
         names = ("track_id", "first_frame_index", "last_frame_index", "observation_count")
         return cls(*(table[name].to_numpy() for name in names))
 

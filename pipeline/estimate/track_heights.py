@@ -10,17 +10,14 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline.core.arrays import FloatArray
-from pipeline.core.calibration import Dimension, Method
+from pipeline.core.calibration import Dimension
 from pipeline.core.config import SizePrior
+from pipeline.core.robust import MAD_TO_STD, MEDIAN_EFFICIENCY, noise_part
 from pipeline.core.tables import TRACK_HEIGHTS
 from pipeline.estimate.boxes.error_correlation import independent_share
 from pipeline.estimate.gait import WALKER
 from pipeline.estimate.types import Estimated, Measured
 
-# 1.4826 turns a median absolute deviation into a standard deviation (normal distribution).
-MAD_TO_STD = 1.4826
-# The median of normal errors has a variance pi / 2 times that of the mean.
-MEDIAN_EFFICIENCY = np.pi / 2
 # A height this many standard deviations from its class's mean is not that of one such object: of ten
 # thousand adults about five are so tall or so small.
 RULED_OUT = 3.5
@@ -29,7 +26,7 @@ RULED_OUT = 3.5
 def track_heights(
     measured: Measured,
     estimated: Estimated,
-    method: Method,
+    method: str,
     priors: Sequence[SizePrior] = (),
 ) -> pa.Table:
     """Return the median height of each track and its standard deviation, and its depths.
@@ -80,12 +77,12 @@ def track_heights(
     names = _commonest(frame)
     # That it may be no one person is what is asked here.
     doubt_m = tracks["doubt_m"].median().to_numpy()
-    sure_std_m = np.sqrt(np.maximum(height_std_m**2 - doubt_m**2, 0.0))
+    sure_std_m = noise_part(height_std_m, doubt_m)
     plausible = _plausible(height_m, sure_std_m, names, priors)
     columns: dict[str, object] = {
         "camera": [measured.camera] * len(depth),
         "track_id": depth.index.to_numpy(),
-        "method": [str(method)] * len(depth),
+        "method": [method] * len(depth),
         "height_m": height_m,
         "height_std_m": height_std_m,
         "height_assumed": assumed,
@@ -146,7 +143,7 @@ def _independent(frame: pd.DataFrame, count: FloatArray) -> FloatArray:
     """Return how many independent observations each track is, at least one.
 
     Of people the slow part of a detector's errors, which hardly shows from frame to frame, leaves
-    fewer (`repeats.CORRELATION_S`).
+    fewer (`boxes.error_correlation.CORRELATION_S`).
     """
     correlation = _correlation(frame)
     several = count * (1 - correlation) / (1 + correlation)
@@ -167,7 +164,7 @@ def _noise_of_median(
     The spread that the frames show is trusted once there are enough of them; with few, the stated
     deviation of one frame is the floor.
     """
-    stated_m = np.sqrt(np.maximum(typical_std_m**2 - common_m**2, 0.0))
+    stated_m = noise_part(typical_std_m, common_m)
     per_frame_m = np.where(count >= 10, spread_m, np.fmax(spread_m, stated_m))
     efficiency = np.where(count > 1, MEDIAN_EFFICIENCY, 1.0)
     return np.asarray(per_frame_m * np.sqrt(efficiency / independent))

@@ -1,27 +1,45 @@
-"""What every method takes and gives: columns of one camera of one recording."""
+"""Input and output of every method: columns of one camera of one recording."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from pipeline.core.arrays import NAN, FloatArray, IntArray
-from pipeline.core.records import GroundPlane, Intrinsics
+from pipeline.core.records import Diagnostic, GroundPlane, Intrinsics
+from pipeline.core.robust import noise_part
 
 TextArray = npt.NDArray[np.object_]
 BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Boxes:
+class OtherBoxes:
     """Boxes of other tracks in the same frames: they may hide what is estimated."""
 
     observation_index: IntArray
     frame_index: IntArray
     bbox_xyxy_px: FloatArray  # (k, 4)
+
+
+@dataclass(frozen=True, slots=True)
+class SweepFloor:
+    """The camera's own softness by all its aperture sweeps, in one round of their fit."""
+
+    px2: float
+    px2_std: float
+    scale: float  # by which points scatter more than they should
+
+
+@dataclass(frozen=True, slots=True)
+class CameraBlur:
+    """What the blur of all of a camera says, or that of a fair sample of its tracks."""
+
+    contradicted: Diagnostic | None = None
+    floor: tuple[SweepFloor, ...] | None = None  # by sweeps, a round of the fit each
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +69,21 @@ class Measured:
     exposure_time_s: FloatArray | None = None
     blur_sigma_px: FloatArray | None = None  # None: nobody looked
     blur_std_px: FloatArray | None = None
-    others: Boxes | None = None  # None: nobody else is there
+    others: OtherBoxes | None = None  # None: nobody else is there
+    camera_blur: CameraBlur | None = None  # None: these are all of the camera
 
     def __len__(self) -> int:
         return len(self.observation_index)
+
+    @property
+    def width_cut(self) -> BoolArray:
+        """Whether the picture cuts off the left or the right side, (n,)."""
+        return np.asarray(self.truncated[:, 0] | self.truncated[:, 2])
+
+    @property
+    def height_cut(self) -> BoolArray:
+        """Whether the picture cuts off the head or the feet, (n,)."""
+        return np.asarray(self.truncated[:, 1] | self.truncated[:, 3])
 
     def take(self, rows: BoolArray) -> Measured:
         """Return the observations of a mask (n,)."""
@@ -72,12 +101,14 @@ class Measured:
         if self.others is not None:
             there = np.isin(self.others.frame_index, kept.frame_index)
             parts.append(tuple(getattr(self.others, name)[there] for name in columns))
-        return replace(kept, others=Boxes(*map(np.concatenate, zip(*parts, strict=True))))
+        return replace(kept, others=OtherBoxes(*map(np.concatenate, zip(*parts, strict=True))))
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Estimated:
-    """What a method gives, one row an observation, NaN where it does not apply.
+    """What a method gives, one row an observation, (n,) each, NaN where it does not apply.
+
+    It is never changed: each step makes a new one (`dataclasses.replace`).
 
     `depth_m` is along the optical axis, `range_m` Euclidean; `x_m`, `y_m` are the position on the
     ground (right, ahead) where the pose is known, and across and along the axis where it is not.
@@ -89,30 +120,58 @@ class Estimated:
     `in_calibrated_range` is 1, 0, or NaN where the calibration states no range.
     """
 
-    count: int
-    depth_m: FloatArray = field(init=False)
-    depth_std_m: FloatArray = field(init=False)
-    depth_common_std_m: FloatArray = field(init=False)
-    height_m: FloatArray = field(init=False)
-    height_std_m: FloatArray = field(init=False)
-    height_common_std_m: FloatArray = field(init=False)
-    height_doubt_m: FloatArray = field(init=False)
-    height_assumed: BoolArray = field(init=False)
-    range_m: FloatArray = field(init=False)
-    x_m: FloatArray = field(init=False)
-    y_m: FloatArray = field(init=False)
-    speed_m_s: FloatArray = field(init=False)
-    in_calibrated_range: FloatArray = field(init=False)
-    calibration_id: TextArray = field(init=False)
-    branch: TextArray = field(init=False)  # of defocus: near or far of the plane of focus
+    depth_m: FloatArray
+    depth_std_m: FloatArray
+    depth_common_std_m: FloatArray
+    height_m: FloatArray
+    height_std_m: FloatArray
+    height_common_std_m: FloatArray
+    height_doubt_m: FloatArray
+    height_assumed: BoolArray
+    range_m: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    speed_m_s: FloatArray
+    in_calibrated_range: FloatArray
+    calibration_id: TextArray
+    branch: TextArray  # of defocus: near or far of the plane of focus
+    notes: tuple[Diagnostic, ...] = ()  # what is to be said of them
 
-    def __post_init__(self) -> None:
-        for name in ("depth_m", "depth_std_m", "height_m", "height_std_m"):
-            setattr(self, name, np.full(self.count, NAN))
-        for name in ("depth_common_std_m", "height_common_std_m", "height_doubt_m"):
-            setattr(self, name, np.zeros(self.count))
-        for name in ("range_m", "x_m", "y_m", "speed_m_s", "in_calibrated_range"):
-            setattr(self, name, np.full(self.count, NAN))
-        self.height_assumed = np.zeros(self.count, dtype=np.bool_)
-        self.calibration_id = np.full(self.count, None, dtype=np.object_)
-        self.branch = np.full(self.count, None, dtype=np.object_)
+    @classmethod
+    def unknown(cls, count: int) -> Estimated:
+        """Return estimates of observations of which nothing is known yet."""
+        nan, zero = np.full(count, NAN), np.zeros(count)
+        none: TextArray = np.full(count, None, dtype=np.object_)
+        false: BoolArray = np.zeros(count, dtype=np.bool_)
+        for shared in (nan, zero, none, false):
+            shared.setflags(write=False)
+        return cls(
+            depth_m=nan,
+            depth_std_m=nan,
+            depth_common_std_m=zero,
+            height_m=nan,
+            height_std_m=nan,
+            height_common_std_m=zero,
+            height_doubt_m=zero,
+            height_assumed=false,
+            range_m=nan,
+            x_m=nan,
+            y_m=nan,
+            speed_m_s=nan,
+            in_calibrated_range=nan,
+            calibration_id=none,
+            branch=none,
+        )
+
+    def __len__(self) -> int:
+        return len(self.depth_m)
+
+    @property
+    def depth_noise_m(self) -> FloatArray:
+        """The part of `depth_std_m` that differs from frame to frame, (n,)."""
+        return noise_part(self.depth_std_m, self.depth_common_std_m)
+
+    @property
+    def height_noise_m(self) -> FloatArray:
+        """The part of `height_std_m` that differs from frame to frame, (n,)."""
+        return noise_part(self.height_std_m, self.height_common_std_m)

@@ -24,6 +24,7 @@ from pipeline.ingest.sources import EXPORTED
 from pipeline.mcap_file.reader import ChannelInfo, McapFile, RawMessage
 from pipeline.mcap_file.writer import CHUNK_BYTES, schema_of
 from pipeline.store.database import Store
+from pipeline.store.recordings import list_recordings
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +67,7 @@ def _stored(store: Store, recording: Path, database: Path) -> dict[str, Any]:
     What it holds is checked when it has been read: its hash is then known.
     """
     size = recording.stat().st_size
-    rows = [r for r in store.recordings().to_pylist() if r["size_bytes"] == size]
+    rows = [r for r in list_recordings(store).to_pylist() if r["size_bytes"] == size]
     named = [r for r in rows if r["file_name"] == recording.name]
     if not rows:
         raise _not_measured(recording, database)

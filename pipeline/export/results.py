@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from pipeline.estimate.methods import NAMES
 from pipeline.store.database import Store
 
 SLICE_FRAMES = 4096
 Row = Mapping[str, Any]
 
-# The estimate that counts of each observation is that of the first method which has one.
-METHODS = ("fused", "ground", "defocus", "aperture", "inverse", "size")
 _FRAMES = """
 SELECT camera, frame_index, log_time_ns, capture_time_ns
 FROM frames WHERE recording_id = ? ORDER BY log_time_ns, camera, frame_index
@@ -71,7 +70,7 @@ def _with_objects(store: Store, recording_id: str, frames: list[Row]) -> Iterato
         "recording": recording_id,
         "first": frames[0]["log_time_ns"],
         "last": frames[-1]["log_time_ns"],
-        "methods": list(METHODS),
+        "methods": list(NAMES),
     }
     objects: dict[tuple[str, int], list[Row]] = {}
     for row in store.query(_OBSERVATIONS, parameters).to_pylist():

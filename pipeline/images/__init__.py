@@ -1,1 +1,1 @@
-"""Images."""
+"""Pictures: headers, EXIF, decoding."""

@@ -1,4 +1,4 @@
-"""A picture's bytes become pixels, once: reduced while decoding, with its brightness measured.
+"""Pixels from a picture's bytes: reduced while decoding, with the brightness measured.
 
 JPEG is decoded at a half, a quarter or an eighth of its size in the transform itself, which costs
 little more than reading the entropy code. Motion is found on such a reduced picture.

@@ -1,4 +1,4 @@
-"""What a picture says of its own exposure: EXIF in JPEG, PNG and WebP.
+"""Exposure from the EXIF inside JPEG, PNG and WebP pictures.
 
 A small reader of TIFF directories, bounded by the bytes of the block. Values are returned as they
 are written; `exposure_of` gives them our names and units.
@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from pipeline.core.arrays import NAN
-from pipeline.core.exposure import INFINITE_FOCUS_EXIF, Exposure, check_exposure
+from pipeline.core.exposure import FIELDS, Exposure, ExposureField, check_exposure
 
 Value = float | str
 Tags = Mapping[str, Value]
@@ -37,6 +37,7 @@ _EXIF_TAGS = {
     0x9003: "date_time_original",
     0x9011: "offset_time_original",
     0x9010: "offset_time",
+    0x9203: "brightness",
     0x9204: "exposure_bias",
     0x9206: "subject_distance",
     0x920A: "focal_length",
@@ -71,7 +72,6 @@ _UNIT_UM = {2: 25_400.0, 3: 10_000.0, 4: 1000.0, 5: 1.0}
 # The smallest sensor of a camera that writes it is of type 1/4, 3.2 mm wide. Less is what an editor
 # leaves that shrank the picture and kept the resolution.
 _SMALLEST_SENSOR_UM = 3000.0
-_DIAGONAL_35MM_MM = math.hypot(36.0, 24.0)  # CIPA DCG-001: the same angle across the diagonal
 
 
 class ExifExposure(NamedTuple):
@@ -107,35 +107,26 @@ def read_tags(block: bytes) -> dict[str, Value]:
 
 def exposure_of(tags: Tags, width_px: int, height_px: int) -> ExifExposure:
     """Return the exposure in our names and units; `width_px` and `height_px` are the picture's."""
-    stated = {
-        "exposure_time_s": _positive(tags, "exposure_time"),
-        "f_number": _positive(tags, "f_number"),
-        "iso_speed": _positive(tags, "sensitivity"),
-        "exposure_bias_ev": _of(tags, "exposure_bias"),
-        "focal_length_mm": _positive(tags, "focal_length"),
-        "focus_distance_m": _focus_distance(tags),
-        "digital_zoom_ratio": _positive(tags, "digital_zoom_ratio"),
-    }
+    stated = {row.name: _stated(tags, row) for row in FIELDS.values() if row.exif}
     stated |= _pitch(tags, width_px, height_px)
     known = {name: value for name, value in stated.items() if not math.isnan(value)}
     exposure, refused = check_exposure(known)
     return ExifExposure(exposure, [f"EXIF: {sentence}" for sentence in refused])
 
 
-def _focus_distance(tags: Tags) -> float:
-    """Return SubjectDistance: 0 is unknown, a numerator of 0xFFFFFFFF infinity."""
-    value = tags.get("subject_distance", NAN)
-    if not isinstance(value, float) or value == 0:
+def _stated(tags: Tags, row: ExposureField) -> float:
+    """Return the value of a field's tag; NaN if it is unknown, which cameras also write as 0.
+
+    Infinity (a denominator of 0) is a value only where it is a possible one.
+    """
+    value = tags.get(row.exif, NAN)
+    if not isinstance(value, float) or (value == 0 and not row.low <= 0 <= row.high):
         return NAN
-    return math.inf if value == INFINITE_FOCUS_EXIF else value
+    return value if math.isfinite(value) or math.isinf(row.high) else NAN
 
 
 def _pitch(tags: Tags, width_px: int, height_px: int) -> dict[str, float]:
-    """Return the pitch of the sensor's pixels and its size in pixels.
-
-    From the resolution in the focal plane; else from the focal length for 35 mm film, which is
-    rounded to a millimetre and holds for the picture as it is, digital zoom included.
-    """
+    """Return the pitch of the sensor's pixels and its size in pixels, by its focal plane resolution."""
     sensor_x_px = _positive(tags, "pixel_x_dimension")
     sensor_y_px = _positive(tags, "pixel_y_dimension")
     known_size = math.isfinite(sensor_x_px + sensor_y_px) and width_px > 0
@@ -153,12 +144,6 @@ def _pitch(tags: Tags, width_px: int, height_px: int) -> dict[str, float]:
             "sensor_width_px": sensor_x_px,
             "sensor_height_px": sensor_y_px,
         }
-    f_mm, f35_mm = _positive(tags, "focal_length"), _positive(tags, "focal_length_35mm")
-    diagonal_mm = _DIAGONAL_35MM_MM * f_mm / f35_mm
-    if math.isfinite(diagonal_mm) and width_px > 0:
-        zoom = max(_of(tags, "digital_zoom_ratio", 1.0), 1.0)
-        pitch_um = diagonal_mm * 1e3 * zoom / math.hypot(width_px, height_px)
-        return {"pixel_pitch_x_um": pitch_um, "pixel_pitch_y_um": pitch_um}
     return {}
 
 
@@ -181,6 +166,8 @@ def _directory(block: bytes, order: str, offset: int, names: Mapping[int, str]) 
     for at in range(offset + 2, min(offset + 2 + 12 * count, len(block) - 11), 12):
         tag, kind, length = struct.unpack_from(order + "HHI", block, at)
         value = _value(block, order, kind, length, at + 8) if tag in names else None
+        if names.get(tag) == "brightness" and _unknown_rational(block, order, at + 8):
+            continue
         if value is not None:
             tags.setdefault(names[tag], value)
     return tags
@@ -206,6 +193,12 @@ def _value(block: bytes, order: str, kind: int, length: int, at: int) -> Value |
     if top == 0xFFFFFFFF:  # SubjectDistance: infinity
         return float(top)
     return top / bottom
+
+
+def _unknown_rational(block: bytes, order: str, at: int) -> bool:
+    """Return whether the numerator is 0xFFFFFFFF: an unknown BrightnessValue (EXIF 2.32)."""
+    start = int(_number(block, order + "I", at))
+    return start <= len(block) - 8 and _number(block, order + "I", start) == 0xFFFFFFFF
 
 
 def _number(block: bytes, code: str, at: int) -> int:

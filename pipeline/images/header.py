@@ -1,4 +1,4 @@
-"""What the header of a JPEG, PNG or WebP says: its size, and what decoding it would cost.
+"""Header of a JPEG, PNG or WebP: its size, and the cost of decoding it.
 
 The size is read before any memory is taken for the picture.
 """

@@ -100,12 +100,12 @@ _DEMOSAIC = {
 
 
 def is_read(encoding: str) -> bool:
-    """Whether pictures of this encoding can be decoded."""
+    """Return whether pictures of this encoding can be decoded."""
     return encoding.lower() in _FORMATS
 
 
 def has_wide_samples(encoding: str) -> bool:
-    """Whether a sample is 16 bits, of which a camera may use fewer."""
+    """Return whether a sample is 16 bits, of which a camera may use fewer."""
     found = _FORMATS.get(encoding.lower())
     return isinstance(found, _Packed | _Bayer) and found.sample_bytes == 2
 

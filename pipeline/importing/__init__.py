@@ -1,1 +1,1 @@
-"""Importing."""
+"""Recordings made of videos and photos."""

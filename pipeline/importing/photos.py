@@ -1,4 +1,4 @@
-"""Folders of photos become a recording: pictures as they are, their EXIF as exposure messages.
+"""Recording made of folders of photos: pictures as they are, their EXIF as exposure messages.
 
 A photo keeps its bytes, unless its EXIF says that it has to be turned: then it is turned, and encoded
 anew. Cameras are told apart by make and model, or are one under a given name.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
@@ -27,23 +27,19 @@ from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
-    timestamp,
 )
-from pipeline.messages.exposure import EXPOSURE_NAMES
-from schemas.stadimeter_pb2 import CameraExposure
+from pipeline.messages.exposure import exposure_message
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp"})
 UPRIGHT = 1.0  # EXIF Orientation
 # Photos of one camera in the same second, whose EXIF has no fraction, follow each other by this.
 _BURST_NS = 1_000_000
-_NAMES = {field: name for name, field in EXPOSURE_NAMES.items()}
-_WHOLE = frozenset({"sensor_width_px", "sensor_height_px"})
 _OFFSET = re.compile(r"^([+-])(\d{2}):?(\d{2})$")
 
 
 @dataclass(frozen=True, slots=True)
 class PhotoImport:
-    """How photos are brought in; times without an offset are in `zone`."""
+    """Options of an import of photos; times without an offset are in `zone`."""
 
     camera: str | None = None  # None: by make and model
     zone: timezone = UTC
@@ -66,7 +62,7 @@ class Photo:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """How many photos came in of which camera, and what there is to say of some."""
+    """Number of photos by camera, and remarks on some."""
 
     counts: dict[str, int]
     remarks: list[str]
@@ -82,7 +78,7 @@ def photo_files(sources: Sequence[Path]) -> list[Path]:
 
 
 def are_photos(sources: Sequence[Path]) -> bool:
-    """Whether what is to be imported are photos, or a video."""
+    """Return whether what is to be imported are photos, or a video."""
     return all(s.is_dir() or s.suffix.lower() in SUFFIXES for s in sources)
 
 
@@ -199,11 +195,7 @@ def _write(writer: RecordingWriter, photo: Photo, camera: CameraConfig) -> None:
     if intrinsics is not None and source == "camera_file":
         calibration = calibration_message(intrinsics, photo.time_ns, photo.camera)
         writer.write(f"{prefix}/calibration", calibration, photo.time_ns)
-    exposure = CameraExposure(timestamp=timestamp(photo.time_ns), frame_id=photo.camera)
-    for field in fields(Exposure):
-        value = getattr(photo.exposure, field.name)
-        if not math.isnan(value):
-            setattr(exposure, _NAMES[field.name], int(value) if field.name in _WHOLE else value)
+    exposure = exposure_message(photo.exposure, photo.time_ns, photo.camera)
     writer.write(f"{prefix}/exposure", exposure, photo.time_ns)
 
 

@@ -1,11 +1,11 @@
-"""A video file becomes a recording: pictures as JPEG, and what is known of the lens beside them."""
+"""Recording made of a video file: pictures as JPEG, with the known lens data."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -14,15 +14,14 @@ import numpy.typing as npt
 
 from pipeline.core.config import CameraConfig
 from pipeline.core.errors import StadimeterError, UsageError, Where
-from pipeline.core.exposure import UNKNOWN_EXPOSURE
+from pipeline.core.exposure import FIELDS, UNKNOWN_EXPOSURE, Exposure
 from pipeline.core.lens import fit_to_picture, intrinsics_of, lens_of
 from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
-    timestamp,
 )
-from schemas.stadimeter_pb2 import CameraExposure
+from pipeline.messages.exposure import exposure_message
 
 Image = npt.NDArray[np.uint8]
 # Where a container states no sensible frame rate, time cannot be known; the user must say.
@@ -35,7 +34,7 @@ class UnreadableVideo(StadimeterError):
 
 @dataclass(frozen=True, slots=True)
 class VideoImport:
-    """What to take of a video, and how to store it.
+    """Part of a video to take, and how to store it.
 
     `start_time_ns` is when its first frame was taken. `scale` shrinks the pictures. `from_s` and
     `duration_s` cut an excerpt; the times of its frames stay those of the whole video.
@@ -138,16 +137,11 @@ def _write_frame(
     if intrinsics is not None:
         scaled = fit_to_picture(intrinsics, stored.shape[1], stored.shape[0]) or intrinsics
         writer.write(f"{prefix}/calibration", calibration_message(scaled, time_ns, name), time_ns)
-    known = {field: value for field, value in asdict(lens).items() if not math.isnan(value)}
-    if known:
-        exposure = CameraExposure(
-            timestamp=timestamp(time_ns),
-            frame_id=name,
-            sensor_width_px=width_px,
-            sensor_height_px=height_px,
-            **known,
-        )
-        writer.write(f"{prefix}/exposure", exposure, time_ns)
+    stated = Exposure(**{row: getattr(lens, row) for row in FIELDS if hasattr(lens, row)})
+    if any(not math.isnan(getattr(stated, row)) for row in FIELDS):
+        size = {"sensor_width_px": float(width_px), "sensor_height_px": float(height_px)}
+        message = exposure_message(replace(stated, **size), time_ns, name)
+        writer.write(f"{prefix}/exposure", message, time_ns)
 
 
 def _provenance(video: Path, rate: float, options: VideoImport) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""From the bytes of a recording to frames with all that belongs to their time.
+"""Frames from the bytes of a recording, each with all that belongs to its time.
 
 mcap_records:   bytes -> messages, past damage
 decode/:        one message -> one record of `pipeline.core.records`, whatever its encoding

@@ -1,4 +1,4 @@
-"""From messages to frames: in order of time, cameras apart, each with what belongs to its time.
+"""Frames from messages: in order of time, cameras apart, each with what belongs to its time.
 
 Exposure, truth and detections may be logged after the picture that they speak of, so a picture
 waits until the recording has moved on by the look-ahead. What waits is still encoded, and bounded.
@@ -15,11 +15,12 @@ from typing import Any
 from pipeline.core.config import CameraConfig, IngestConfig
 from pipeline.core.diagnostics import Notes
 from pipeline.core.errors import MissingLibrary, UndecodableImage, UnsupportedChannel
-from pipeline.core.exposure import EXPOSURE_FIELDS, UNKNOWN_EXPOSURE, Exposure
+from pipeline.core.exposure import FIELDS, UNKNOWN_EXPOSURE, Exposure
 from pipeline.core.records import Diagnostic, Frame, Pairing, RawLayout, Severity
 from pipeline.images.exif import exif_block, exposure_of, read_tags
 from pipeline.images.header import image_size
 from pipeline.images.raw import has_wide_samples, samples
+from pipeline.ingest.lanes import Lanes
 from pipeline.ingest.named_exposure import NamedExposure, filled
 from pipeline.ingest.pairing import Lane, Paired
 from pipeline.ingest.plausibility import refuse_implausible
@@ -76,9 +77,13 @@ class FrameAssembler:
         self._notes = notes
         self._tolerance_ns = round(config.exposure_tolerance_s * 1e9)
         self._look_ahead_ns = max(self._tolerance_ns, round(config.reorder_s * 1e9))
-        self._lanes: dict[tuple[Kind, str, str], Lane[Any]] = {}
-        self._lane_of: dict[tuple[Kind, str], Lane[Any] | None] = {}
         self._limits = file.limits
+        self._lanes = Lanes(
+            self.cameras,
+            self.frame_ids,
+            limit=file.limits.waiting_values,
+            most=file.limits.sources,
+        )
         self._images_refused = 0
         self._waiting: list[_Waiting] = []
         self._waiting_bytes = 0
@@ -94,12 +99,12 @@ class FrameAssembler:
         self._sample_bits: dict[str, int] = {}
 
     def has_detections(self, camera: str) -> bool:
-        """Whether recorded detections for a camera were seen so far."""
-        return self._lane_for(Kind.DETECTIONS, camera) is not None
+        """Return whether recorded detections for a camera were seen so far."""
+        return self._lanes.of_camera(Kind.DETECTIONS, camera) is not None
 
     @property
     def frames_lost(self) -> int:
-        """How many pictures are known to have been lost or could not be read as messages."""
+        """Number of pictures that are known to be lost or could not be read as messages."""
         channels = self.file.channels
         return self._images_refused + sum(
             count
@@ -155,10 +160,19 @@ class FrameAssembler:
         elif kind is Kind.TRANSFORMS:
             self._transforms.add(payload)  # type: ignore[arg-type]
         else:
-            lane = self._lane(kind, raw, message)
-            if lane is not None:
-                stated_ns = message.capture_time_ns
-                lane.add(raw.log_time_ns if stated_ns is None else stated_ns, payload)
+            self._keep_value(kind, message, raw)
+
+    def _keep_value(self, kind: Kind, message: Decoded, raw: RawMessage) -> None:
+        """Let a value wait for the pictures that it belongs to."""
+        stated_ns, topic = message.capture_time_ns, raw.channel.topic
+        lane = self._lanes.of_source(
+            kind, topic, message.frame_id, by_capture_time=stated_ns is not None
+        )
+        if lane is None:
+            text = f"more than {self._limits.sources:,} sources (topics and frame_ids)"
+            self._refuse(kind, "too_many_sources", text, raw)
+        else:
+            lane.add(raw.log_time_ns if stated_ns is None else stated_ns, message.payload)
 
     def _refuse(self, kind: Kind, code: str, problem: str, raw: RawMessage) -> None:
         if kind in (Kind.IMAGE, Kind.VIDEO):
@@ -177,7 +191,7 @@ class FrameAssembler:
             camera = topic if taken or not message.frame_id else message.frame_id
             self.cameras[topic] = camera
             self.frame_ids[camera] = message.frame_id
-            self._lane_of.clear()
+            self._lanes.forget_choices()
         return self.cameras[topic]
 
     def _enqueue_image(self, message: Decoded, image: EncodedImage, raw: RawMessage) -> None:
@@ -239,22 +253,6 @@ class FrameAssembler:
             ),
         )
 
-    def _lane(self, kind: Kind, raw: RawMessage, message: Decoded) -> Lane[Any] | None:
-        key = (kind, raw.channel.topic, message.frame_id)
-        if key in self._lanes:
-            return self._lanes[key]
-        if len(self._lanes) >= self._limits.sources:
-            text = f"more than {self._limits.sources:,} sources (topics and frame_ids)"
-            self._refuse(kind, "too_many_sources", text, raw)
-            return None
-        stated, limit = message.capture_time_ns is not None, self._limits.waiting_values
-        lane: Lane[Any] = Lane(
-            raw.channel.topic, message.frame_id, by_capture_time=stated, limit=limit
-        )
-        self._lanes[key] = lane
-        self._lane_of.clear()
-        return lane
-
     def _release(self) -> Iterator[Frame]:
         while self._waiting and (
             self._waiting[0].log_time_ns + self._look_ahead_ns < self._newest_ns
@@ -315,7 +313,7 @@ class FrameAssembler:
         for sentence in refused:
             self._tell_of_picture(Severity.WARNING, "invalid_exposure", sentence, waiting)
         if found is None:
-            known = any(not math.isnan(getattr(own, name)) for name in EXPOSURE_FIELDS)
+            known = any(not math.isnan(getattr(own, name)) for name in FIELDS)
             return Paired(own, Pairing.EMBEDDED, 0) if known else None
         return found._replace(value=filled(found.value, own))
 
@@ -335,7 +333,7 @@ class FrameAssembler:
             self._tell_of_picture(Severity.WARNING, "moving_camera", text, waiting)
 
     def _nearest_or_last(self, kind: Kind, waiting: _Waiting) -> Any:
-        lane = self._lane_for(kind, waiting.camera)
+        lane = self._lanes.of_camera(kind, waiting.camera)
         return None if lane is None else self._paired(lane, waiting)
 
     def _paired(self, lane: Lane[Any], waiting: _Waiting) -> Any:
@@ -344,38 +342,12 @@ class FrameAssembler:
         return lane.nearest(time_ns, self._tolerance_ns) or lane.last_known(time_ns)
 
     def _taken(self, kind: Kind, waiting: _Waiting) -> Any:
-        lane = self._lane_for(kind, waiting.camera)
+        lane = self._lanes.of_camera(kind, waiting.camera)
         if lane is None:
             return None
         time_ns = _time_for(waiting, lane)
         lane.forget_before(time_ns - self._look_ahead_ns)
         return lane.take(time_ns, self._tolerance_ns)
-
-    def _lane_for(self, kind: Kind, camera: str) -> Lane[Any] | None:
-        """Return the lane that belongs to a camera.
-
-        By equal frame_id; else, where the messages name no camera that has pictures, by the
-        deepest shared topic namespace; else, if there is one camera only, whatever there is.
-        """
-        key = (kind, camera)
-        if key not in self._lane_of:
-            self._lane_of[key] = self._find_lane(kind, camera)
-        return self._lane_of[key]
-
-    def _find_lane(self, kind: Kind, camera: str) -> Lane[Any] | None:
-        lanes = [lane for (k, _, _), lane in self._lanes.items() if k is kind]
-        frame_id = self.frame_ids[camera]
-        same = [lane for lane in lanes if lane.frame_id and lane.frame_id == frame_id]
-        known = set(self.frame_ids.values()) - {""}
-        nameless = [lane for lane in lanes if lane.frame_id not in known]
-        topic = next(t for t, c in self.cameras.items() if c == camera)
-        candidates = same or nameless
-        if not candidates:
-            return None
-        best = max(candidates, key=lambda lane: _shared_namespace(lane.topic, topic))
-        if same or len(self.cameras) == 1 or _shared_namespace(best.topic, topic) > 0:
-            return best
-        return None
 
     def _tell(self, code: str, message: str, raw: RawMessage) -> None:
         self._note(Severity.WARNING, code, message, raw)
@@ -413,13 +385,3 @@ def _time_for(waiting: _Waiting, lane: Lane[Any] | None = None) -> int:
     if waiting.capture_time_ns is None or (lane is not None and not lane.by_capture_time):
         return waiting.log_time_ns
     return waiting.capture_time_ns
-
-
-def _shared_namespace(a: str, b: str) -> int:
-    """Return how many leading parts two topics share: "/front/image", "/front/exposure" -> 1."""
-    count = 0
-    for x, y in zip(a.strip("/").split("/")[:-1], b.strip("/").split("/")[:-1], strict=False):
-        if x != y:
-            break
-        count += 1
-    return count

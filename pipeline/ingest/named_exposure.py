@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from pipeline.core.exposure import EXPOSURE_FIELDS, Exposure, check_exposure
+from pipeline.core.exposure import FIELDS, Exposure, check_exposure
 from pipeline.ingest.pairing import Lane, Paired
 from pipeline.ingest.sources import Source
 from pipeline.mcap_file.reader import MAX_TIME_NS, RawMessage
@@ -69,5 +69,5 @@ class NamedExposure:
 
 def filled(first: Exposure, second: Exposure) -> Exposure:
     """Return the first with what it leaves open from the second."""
-    unknown = [n for n in EXPOSURE_FIELDS if math.isnan(getattr(first, n))]
+    unknown = [n for n in FIELDS if math.isnan(getattr(first, n))]
     return replace(first, **{n: getattr(second, n) for n in unknown}) if unknown else first

@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class Paired(NamedTuple, Generic[T]):
-    """What a lane has for a time: the value, how it was chosen, and its time less the asked one."""
+    """A value for a time: how it was chosen, and its time less the asked one."""
 
     value: T
     pairing: Pairing

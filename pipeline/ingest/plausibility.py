@@ -1,4 +1,4 @@
-"""What a message states, held against what can be: each impossible value is left out, with a word.
+"""Check of what a message states: each impossible value is left out, and told.
 
 This comes after decoding, so it holds for every encoding. The bounds refuse the impossible, not the
 unusual; those of exposure and lens are in `pipeline.core.exposure`.

@@ -34,7 +34,7 @@ MOVED_M, MOVED_RAD = 0.05, math.radians(0.5)
 
 
 class CameraPose(NamedTuple):
-    """Where a camera is above the ground, and which frame was taken for it."""
+    """Position of a camera above the ground, and the frame that was taken for the ground."""
 
     height_m: float
     tilt_rad: float
@@ -42,7 +42,7 @@ class CameraPose(NamedTuple):
     ground_frame: str
 
     def moved_from(self, other: CameraPose) -> bool:
-        """Whether this is another pose than `other`, beyond jitter."""
+        """Return whether this is another pose than `other`, beyond jitter."""
         return (
             abs(self.height_m - other.height_m) > MOVED_M
             or abs(self.tilt_rad - other.tilt_rad) > MOVED_RAD

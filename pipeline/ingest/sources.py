@@ -28,7 +28,7 @@ Tell = Callable[[str, str, RawMessage], None]  # code, sentence, message
 
 
 class Source(NamedTuple):
-    """How a channel is read: as messages of a kind, and for the numbers that a camera file names."""
+    """Readers of a channel: of its messages, and of the numbers that a camera file names."""
 
     decoder: Decoder | None
     reader: Reader | None
@@ -36,7 +36,7 @@ class Source(NamedTuple):
 
     @property
     def is_image(self) -> bool:
-        """Whether a message that cannot be read is a picture lost."""
+        """Return whether a message that cannot be read is a picture lost."""
         return self.decoder is not None and self.decoder.kind in (Kind.IMAGE, Kind.VIDEO)
 
 

@@ -1,4 +1,4 @@
-"""What is in a recording, what is missing and what is damaged, without decoding a picture."""
+"""Survey of a recording: its content, gaps and damage, without decoding a picture."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
-from pipeline.core.exposure import EXPOSURE_FIELDS, Exposure
+from pipeline.core.exposure import FIELDS, Exposure
 from pipeline.core.records import Frame, Intrinsics, Pairing
 from pipeline.images.header import image_size
 from pipeline.ingest.frames import FrameAssembler
@@ -32,7 +32,7 @@ def _picture_of(frame: Frame) -> str:
 
 @dataclass(slots=True)
 class ChannelSurvey:
-    """How much one topic holds."""
+    """Content of one topic."""
 
     topic: str
     schema_name: str
@@ -43,7 +43,7 @@ class ChannelSurvey:
 
 @dataclass(slots=True)
 class CameraSurvey:
-    """What one camera's frames come with."""
+    """Content of one camera's frames."""
 
     camera: str
     topic: str
@@ -90,7 +90,7 @@ class CameraSurvey:
         self._widen(frame.exposure)
 
     def _widen(self, exposure: Exposure) -> None:
-        for name in EXPOSURE_FIELDS:
+        for name in FIELDS:
             value = getattr(exposure, name)
             if value == value:
                 low, high = self.exposure_ranges.get(name, (value, value))
@@ -102,7 +102,8 @@ class CameraSurvey:
         known = self.exposure_ranges
         if "f_number" not in known:
             lacks.append("no f-number: the methods `aperture` and `defocus` do not apply")
-        if self.intrinsics is None and not {"focal_length_mm", "pixel_pitch_x_um"} <= set(known):
+        by_lens = {"focal_length_mm", "pixel_pitch_x_um"} <= set(known)
+        if self.intrinsics is None and not by_lens and "focal_length_35mm_mm" not in known:
             lacks.append(
                 "no lens data (a calibration, or focal length and pixel pitch): distances can be told "
                 "only if enough people walk here to find the focal length; give them in a camera file"
@@ -112,7 +113,7 @@ class CameraSurvey:
 
 @dataclass(slots=True)
 class Survey:
-    """What `stadimeter inspect` tells of a recording.
+    """Facts that `stadimeter inspect` tells of a recording.
 
     Of a large one a part was read, up to `read_bytes`; `span_ns` is then what its summary says.
     """
@@ -129,7 +130,7 @@ class Survey:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every byte was read, and every CRC checked."""
+        """Return whether every byte was read, and every CRC checked."""
         return self.content_sha256 is not None
 
 

@@ -37,7 +37,7 @@ _H264_IDR = 5
 
 
 class Times(NamedTuple):
-    """When a packet was logged, and when it says that it was taken."""
+    """Times of a packet: of its logging, and of its capture as it states it."""
 
     log_time_ns: int
     capture_time_ns: int | None
@@ -188,7 +188,7 @@ def _pixels(picture: VideoFrame) -> tuple[bytes, RawLayout]:
 
 
 def is_key_frame(codec: str, data: bytes) -> bool:
-    """Whether a packet can be decoded with nothing before it."""
+    """Return whether a packet can be decoded with nothing before it."""
     if codec == "h264":
         return any(head & 0x1F == _H264_IDR for head in _nal_heads(data))
     if codec == "hevc":

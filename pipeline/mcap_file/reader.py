@@ -82,7 +82,7 @@ class McapFile:
     """One walk over the records of a file; afterwards the hash of all its bytes is known."""
 
     def __init__(self, path: Path, limits: Limits, note: Note) -> None:
-        """Open nothing yet; `note` receives a diagnostic for whatever is damaged."""
+        """Open nothing yet; `note` receives a diagnostic for each damaged part."""
         self.path = path
         self.size_bytes = path.stat().st_size
         self.metadata: list[MetadataRecord] = []
@@ -110,7 +110,7 @@ class McapFile:
 
     @property
     def damage_count(self) -> int:
-        """Rises wherever something was left out: a video has a gap there."""
+        """Counter that rises where a part was left out: a video has a gap there."""
         return self._losses.count
 
     @property

@@ -1,4 +1,4 @@
-"""Straight edges of what never moves: posts, walls, doors. They say which way is up.
+"""Straight edges of the background: posts, walls, doors. They tell which way is up.
 
 A camera's pictures are looked at now and then; their median shows the place without those who walk
 through, and a line segment detector (von Gioi et al. 2012) finds its straight edges, once a recording.

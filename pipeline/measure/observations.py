@@ -1,4 +1,4 @@
-"""What pass 1 keeps of every object in every frame: columns, and nothing but columns."""
+"""Rows of the table `observations`: every object in every frame, as columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the bytes of one message to one record, whatever the encoding and whoever's schema.
+"""Records from the bytes of messages, of any encoding that is read.
 
 tree:        what every encoding is turned into first: a dictionary, read with checked accessors
 protobuf, json_text, ros_schema, ros_wire:     bytes -> tree, one file an encoding

@@ -54,7 +54,7 @@ def edges(box: Tree) -> Edges:
 
 
 def is_box(box: Edges) -> bool:
-    """Whether edges are those of a box in a picture that can exist."""
+    """Return whether edges are those of a box in a picture that can exist."""
     x_min, y_min, x_max, y_max = box
     return all(abs(e) < 1e6 for e in box) and x_min < x_max and y_min < y_max
 
@@ -139,7 +139,7 @@ def _rectangle(points: list[tuple[float, float]], kind: int) -> Edges | None:
 
 
 def _names(place: tuple[float, float], box: Edges) -> bool:
-    """Whether a text belongs to a box: it starts in it, or at its upper edge, within a line."""
+    """Return whether a text belongs to a box: it starts in it, or at its upper edge, within a line."""
     line_px = 24
     return box[0] - 2 <= place[0] <= box[2] and box[1] - line_px <= place[1] <= box[3] + line_px
 

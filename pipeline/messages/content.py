@@ -1,4 +1,4 @@
-"""What a message brings: the kinds, and the record of each."""
+"""Kinds of messages, and the record of each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.messages.tree import Tree
 
 
 class Kind(StrEnum):
-    """What a channel brings."""
+    """Kind of content of a channel."""
 
     IMAGE = "image"
     VIDEO = "video"
@@ -34,7 +34,7 @@ class EncodedImage:
 
 @dataclass(frozen=True, slots=True)
 class VideoPacket:
-    """What a message of a video stream holds: the bytes of one frame."""
+    """Bytes of one frame of a video stream."""
 
     codec: str
     data: bytes
@@ -42,7 +42,7 @@ class VideoPacket:
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """Where the frame `child` is in the frame `parent`."""
+    """Position of the frame `child` in the frame `parent`."""
 
     parent: str
     child: str

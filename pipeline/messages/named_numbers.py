@@ -7,50 +7,26 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pipeline.core.arrays import NAN
-from pipeline.core.config import CameraConfig, ExposureFields
+from pipeline.core.config import CameraConfig
 from pipeline.core.errors import UsageError
+from pipeline.core.exposure import FIELDS
 from pipeline.messages.tree import Tree, as_number
 
 _SPEC = re.compile(r"^(?P<path>\S+?)(?:\s+(?P<unit>\S+))?$")
 _STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d{1,6})\]")
 
-# Units by quantity: what a value is multiplied with to be in the unit of the field's name.
-_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_MM = {"mm": 1.0, "cm": 10.0, "m": 1e3, "um": 1e-3, "in": 25.4}
-_M = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048, "in": 0.0254}
-_UM = {"um": 1.0, "mm": 1e3, "nm": 1e-3}
-_PLAIN = {"1": 1.0}
-UNITS: Mapping[str, Mapping[str, float]] = {
-    "exposure_time_s": _TIME,
-    "f_number": _PLAIN,
-    "iso_speed": _PLAIN,
-    "exposure_bias_ev": {"ev": 1.0},
-    "focal_length_mm": _MM,
-    "focus_distance_m": _M,
-    "gain_db": {"db": 1.0},
-    "digital_zoom_ratio": _PLAIN,
-    "pixel_pitch_x_um": _UM,
-    "pixel_pitch_y_um": _UM,
-    "sensor_width_px": {"px": 1.0},
-    "sensor_height_px": {"px": 1.0},
-}
-# Units that are no multiple. A dioptre is the reciprocal of a metre; 0 dioptres are infinity.
-_RECIPROCAL = {("exposure_time_s", "1/s"), ("focus_distance_m", "dpt")}
-_AMPLIFICATION = ("gain_db", "x")  # of the amplitude
-
 
 @dataclass(frozen=True, slots=True)
 class NamedNumber:
-    """Where a camera's exposure value stands, and in which unit."""
+    """Place of a camera's exposure value in its messages, and its unit."""
 
     camera: str
     field: str
@@ -75,20 +51,16 @@ def named_numbers(cameras: Sequence[CameraConfig]) -> list[NamedNumber]:
         UsageError: a path or a unit means nothing.
     """
     return [
-        _parsed(camera.name, f.name, getattr(camera.exposure, f.name))
+        _parsed(camera.name, name, getattr(camera.exposure, name))
         for camera in cameras
-        for f in fields(ExposureFields)
-        if getattr(camera.exposure, f.name)
+        for name in FIELDS
+        if getattr(camera.exposure, name)
     ]
 
 
 def in_unit(field: str, value: float, unit: str) -> float:
     """Return a value given in a unit in that of the field's name."""
-    if (field, unit) in _RECIPROCAL:
-        return math.inf if value == 0 else 1 / value
-    if (field, unit) == _AMPLIFICATION:
-        return 20 * math.log10(value) if value > 0 else NAN
-    return value * UNITS[field][unit]
+    return FIELDS[field].units[unit](value)
 
 
 def _parsed(camera: str, field: str, spec: str) -> NamedNumber:
@@ -98,8 +70,8 @@ def _parsed(camera: str, field: str, spec: str) -> NamedNumber:
             f"exposure.{field} = {spec!r} of camera {camera!r} names no field",
             remedy='Write the topic, a dot and the field, and a unit: "/diag.exposure us"',
         )
-    unit = (found["unit"] or next(iter(UNITS[field]))).lower()
-    known = list(UNITS[field]) + [u for f, u in (*_RECIPROCAL, _AMPLIFICATION) if f == field]
+    known = list(FIELDS[field].units)
+    unit = (found["unit"] or known[0]).lower()
     if unit not in known:
         raise UsageError(
             f"exposure.{field} of camera {camera!r} has the unit {unit!r}, which is not one of "

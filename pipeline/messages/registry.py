@@ -1,4 +1,4 @@
-"""What a channel needs: found by its encoding and the name of its schema, never by its topic.
+"""Readers of channels, found by encoding and name of the schema, never by topic.
 
 A schema's name is normalised first: `sensor_msgs/msg/Image`, `sensor_msgs/Image` and
 `sensor_msgs::msg::Image` are one, and so are `foxglove.RawImage` and `foxglove_msgs/msg/RawImage`.
@@ -45,7 +45,7 @@ FAMILIES: dict[str, tuple[Kind, Family]] = {
 
 @dataclass(frozen=True, slots=True)
 class Decoder:
-    """What turns the messages of one channel into records."""
+    """Decoder of the messages of one channel into records."""
 
     kind: Kind
     read: Reader
@@ -96,7 +96,7 @@ def kind_of(channel: ChannelInfo) -> Kind | None:
 
 
 def is_unread(channel: ChannelInfo) -> bool:
-    """Whether a channel holds something of use in an encoding that is not read."""
+    """Return whether a channel holds something of use in an encoding that is not read."""
     return normalised(channel.schema_name) in FAMILIES and kind_of(channel) is None
 
 
@@ -123,14 +123,14 @@ def reader_of(channel: ChannelInfo, max_bytes: int) -> Reader | None:
 
 
 def is_json_exposure(channel: ChannelInfo) -> bool:
-    """Whether the schema of a JSON channel names exposure values as stadimeter.CameraExposure."""
+    """Return whether the schema of a JSON channel names exposure values as stadimeter.CameraExposure."""
     return channel.message_encoding == "json" and names_exposure(
         json_text.property_names(channel.schema_data)
     )
 
 
 def may_be_json_exposure(channel: ChannelInfo) -> bool:
-    """Whether only the messages of a JSON channel can tell what they are: it has no schema."""
+    """Return whether only the messages of a JSON channel can tell what they are: it has no schema."""
     return channel.message_encoding == "json" and not channel.schema_data.strip()
 
 

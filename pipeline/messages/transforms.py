@@ -1,4 +1,4 @@
-"""Where things are: foxglove.FrameTransform(s), tf2_msgs/TFMessage and tf/tfMessage."""
+"""Transforms between frames: foxglove.FrameTransform(s), tf2_msgs/TFMessage and tf/tfMessage."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def project_person(
     tilt_rad: ArrayLike,
     roll_rad: ArrayLike = 0.0,
 ) -> tuple[Floats, Floats]:
-    """Return normalised foot and head points, (..., 2), of who stands at (x right, y ahead).
+    """Return normalised foot and head points, (..., 2), of a person at (x right, y ahead).
 
     What lies behind the image plane is NaN.
     """

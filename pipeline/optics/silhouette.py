@@ -100,7 +100,7 @@ def axis_rows(
 def silhouette_rows(
     y_foot: ArrayLike, y_head: ArrayLike, tilt_rad: ArrayLike, reach: ArrayLike
 ) -> tuple[Floats, Floats]:
-    """Return the rows, y_low and y_high, of the silhouette of who stands there: `axis_rows` undone.
+    """Return the rows, y_low and y_high, of the silhouette of a person: the inverse of `axis_rows`.
 
     The upper ray is found by iteration, as how far it passes above the crown depends on its angle.
     """

@@ -1,1 +1,1 @@
-"""Run."""
+"""Recordings through pass 1 and pass 2, and their calibration: the order of the work."""

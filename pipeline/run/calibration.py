@@ -25,23 +25,27 @@ from pipeline.calibrate.truth.fit import (
 from pipeline.calibrate.truth.table import truth_table
 from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, Known
 from pipeline.calibrate.walkers.pose_and_lens import Calibrated, calibrate_stored
-from pipeline.core.calibration import Calibration, Method
+from pipeline.core.calibration import CalibratedMethod, Calibration
 from pipeline.core.camera_file import write_camera_file
 from pipeline.core.config import ADULT, CameraConfig, Config, SizePrior
 from pipeline.core.errors import CalibrationUndetermined, StoreError, UsageError, Where
 from pipeline.core.records import Diagnostic, FoundLens, GroundPlane
-from pipeline.estimate.estimate_tracks import calibrations_table, measured_by_camera
+from pipeline.estimate.tables import calibrations_table, measured_by_camera
 from pipeline.estimate.types import Measured
 from pipeline.run.recordings import describe, library_versions
 from pipeline.run.stored_camera import StoredCamera, lines_of
 from pipeline.store.database import Store
+from pipeline.store.estimates import add_calibrations
+from pipeline.store.recordings import list_recordings
+from pipeline.store.runs import finish_run, start_run
+from pipeline.store.track_rows import tracks_of
 
 
 @dataclass(frozen=True, slots=True)
 class TruthOptions:
-    """How calibrations are fitted to truth."""
+    """Options of fits of calibrations to truth."""
 
-    methods: Sequence[Method]
+    methods: Sequence[CalibratedMethod]
     robust: bool = False
     folds: int = 5
     seed: int = 0
@@ -50,7 +54,7 @@ class TruthOptions:
 
 @dataclass(frozen=True, slots=True)
 class FittedToTruth:
-    """What truth gave: calibrations and size priors to use, and fits that say nothing."""
+    """Results of fits to truth: calibrations and size priors to use, and fits that say nothing."""
 
     calibrations: list[Calibration]
     priors: list[SizePrior]
@@ -104,14 +108,14 @@ def calibrate_stored_truth(
         write_camera_file(camera_file, replace(config, calibration=tuple(kept), size_prior=priors))
         run_id = _start(store, config)
         with store.transaction():
-            store.add_calibrations(calibrations_table(fitted.rows), run_id)
-        store.finish_run(run_id)
+            add_calibrations(store, calibrations_table(fitted.rows), run_id)
+        finish_run(store, run_id)
     return fitted
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What walkers gave of a camera: its pose and, where nothing told it, its lens."""
+    """Results from walkers for one camera: its pose and, where nothing told it, its lens."""
 
     plane: GroundPlane
     lens: FoundLens | None = None
@@ -239,7 +243,7 @@ def _of_recording(
 ) -> Iterator[tuple[str, Found | CalibrationUndetermined]]:
     """Yield what walkers gave of each camera of a recording that saw anything."""
     edges = store.read("background_lines", recording_id)
-    tracks = store.tracks_of(recording_id, (config.stature or ADULT).object_class)
+    tracks = tracks_of(store, recording_id, (config.stature or ADULT).object_class)
     seen = set(pc.unique(tracks["camera"]).to_pylist())
     _check_single(known, len(seen))
     for row in store.read("cameras", recording_id).to_pylist():
@@ -287,7 +291,7 @@ def _writable(database: Path) -> Store:
 
 
 def _recording_ids(store: Store) -> list[str]:
-    return [row["recording_id"] for row in store.recordings().to_pylist()]
+    return [row["recording_id"] for row in list_recordings(store).to_pylist()]
 
 
 def _tables(store: Store, recording_id: str) -> tuple[pa.Table, pa.Table, pa.Table, pa.Table]:
@@ -297,7 +301,7 @@ def _tables(store: Store, recording_id: str) -> tuple[pa.Table, pa.Table, pa.Tab
 
 
 def _start(store: Store, config: Config) -> str:
-    return store.start_run("calibrate", None, describe(config), library_versions(), __version__)
+    return start_run(store, "calibrate", None, describe(config), library_versions(), __version__)
 
 
 _NO_TRUTH = pa.table({"object_id": pa.array([], pa.string())})

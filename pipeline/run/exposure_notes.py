@@ -1,4 +1,4 @@
-"""What is to be said of pictures whose brightness is not what their exposure data give (Eq. 15).
+"""Diagnostics of pictures whose brightness contradicts their exposure data (Eq. 15).
 
 `schemas/sql/views/main.exposure_checks.sql` judges every frame; here its verdicts become diagnostics, one
 a camera and kind.

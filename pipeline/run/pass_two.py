@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import pyarrow as pa
@@ -23,12 +24,17 @@ from pipeline.core.arrays import FloatArray
 from pipeline.core.config import Config
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.core.records import Diagnostic, FoundLens, GroundPlane, Severity
-from pipeline.estimate.estimate_tracks import Rows, Said, camera_blur, estimate_tracks
+from pipeline.estimate.estimate_tracks import Remarks, camera_blur, estimate_tracks
+from pipeline.estimate.tables import Rows
 from pipeline.estimate.track_batches import Tracks
 from pipeline.run.exposure_notes import exposure_notes
 from pipeline.run.scale_notes import scale_notes
 from pipeline.run.stored_camera import StoredCamera, lines_of
 from pipeline.store.database import Store
+from pipeline.store.estimates import add_calibrations, add_estimates, forget_estimates
+from pipeline.store.exposure_rows import exposure_verdicts
+from pipeline.store.recordings import add_diagnostics, set_lens, set_pose
+from pipeline.store.track_rows import tracks_of
 
 # Observations that are worked on at once, at about 2 kB each: 40 MB. Fewer cost time, as the smoother
 # goes step by step, for all tracks of a batch together: with 10,000 a seventh more than with 50,000.
@@ -49,12 +55,12 @@ def estimate_recording(
 
     Tracks are worked on in batches of about `batch` observations; the results do not depend on it.
     """
-    said = Said(config)
-    said.add(exposure_notes(store.exposure_verdicts(recording_id)))
+    remarks = Remarks(config)
+    remarks.add(exposure_notes(exposure_verdicts(store, recording_id)))
     edges = store.read("background_lines", recording_id)
     prior = config.stature
-    tracks = store.tracks_of(recording_id, prior.object_class if prior else "")
-    store.forget_estimates(recording_id, run_id)
+    tracks = tracks_of(store, recording_id, prior.object_class if prior else "")
+    forget_estimates(store, recording_id, run_id)
     for row in store.read("cameras", recording_id).to_pylist():
         mine = tracks.filter(pc.equal(tracks["camera"], row["camera"]))
         if not mine.num_rows:
@@ -64,35 +70,35 @@ def estimate_recording(
             store, recording_id, known_lens(row, config.camera_named(row["camera"]))
         )
         lines_px = lines_of(edges, row["camera"])
-        camera.plane = _pose(camera, mine, lines_px, here, said)
+        camera.plane = _pose(camera, mine, lines_px, here, remarks)
         if camera.plane is not None:
-            store.set_pose(recording_id, row["camera"], camera.plane)
+            set_pose(store, recording_id, row["camera"], camera.plane)
         if camera.row != row:
-            store.set_lens(recording_id, camera.row)
-        for rows in _estimated(camera, Tracks.of(mine), here, said, batch):
-            store.add_estimates(recording_id, run_id, rows.by_table())
-        said.add(scale_notes(camera.row["camera"], camera.plane, mine, here))
-    store.add_calibrations(said.calibrations(), run_id)
-    store.add_diagnostics(said.diagnostics(), recording_id, run_id, file_name)
+            set_lens(store, recording_id, camera.row)
+        for rows in _estimated(camera, Tracks.of(mine), here, remarks, batch):
+            add_estimates(store, recording_id, run_id, rows.by_table())
+        remarks.add(scale_notes(camera.row["camera"], camera.plane, mine, here))
+    add_calibrations(store, remarks.calibrations(), run_id)
+    add_diagnostics(store, remarks.diagnostics(), recording_id, run_id, file_name)
 
 
 def _estimated(
-    camera: StoredCamera, tracks: Tracks, config: Config, said: Said, batch: int
+    camera: StoredCamera, tracks: Tracks, config: Config, remarks: Remarks, batch: int
 ) -> Iterator[Rows]:
     """Yield the rows of one batch of tracks after another."""
     blur = None
     sample = tracks.sample(BLUR_SAMPLE)
     if tracks.observations > batch or len(sample) < len(tracks):
         blur = camera_blur(camera.measured(sample), config)
-        said.add([blur.contradicted] if blur.contradicted else [])
+        remarks.add([blur.contradicted] if blur.contradicted else [])
     for some in tracks.batches(batch):
         measured = camera.measured(some)
         if len(measured):
-            yield estimate_tracks(measured, config, said, blur)
+            yield estimate_tracks(replace(measured, camera_blur=blur), config, remarks)
 
 
 def _pose(
-    camera: StoredCamera, tracks: pa.Table, lines_px: FloatArray, config: Config, said: Said
+    camera: StoredCamera, tracks: pa.Table, lines_px: FloatArray, config: Config, remarks: Remarks
 ) -> GroundPlane | None:
     """Return the camera's pose.
 
@@ -109,15 +115,15 @@ def _pose(
     try:
         found = calibrate_stored(measured, camera.row, prior, lines_px=lines_px)
     except CalibrationUndetermined as error:
-        said.add([Diagnostic(Severity.INFO, "pose_undetermined", error.problem, camera=name)])
+        remarks.add([Diagnostic(Severity.INFO, "pose_undetermined", error.problem, camera=name)])
         return None
     if found.lens is not None:
         camera.row = with_found(camera.row, found.lens)
-        said.add([_describe_lens(name, found.lens)])
+        remarks.add([_describe_lens(name, found.lens)])
     if found.contradiction is not None:
-        said.add([found.contradiction.describe(name, camera.row["intrinsics_source"])])
+        remarks.add([found.contradiction.describe(name, camera.row["intrinsics_source"])])
         camera.row = with_doubt(camera.row, found.plane)
-    said.add([_describe(name, found.plane, found.report)])
+    remarks.add([_describe(name, found.plane, found.report)])
     return found.plane
 
 

@@ -1,4 +1,4 @@
-"""What is done with one recording: measure it, commit it with its estimates, write its timelines."""
+"""One recording: measured, committed with its estimates, written as timelines."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from pipeline.core.progress import Progress, Report
 from pipeline.core.timing import StageTimes
 from pipeline.run.pass_one import measure_recording
 from pipeline.run.pass_two import estimate_recording
-from pipeline.store.database import RecordingRow, Store
+from pipeline.store.database import Store
+from pipeline.store.recordings import RecordingRow, replace_recording
 
 
 @dataclass(slots=True)
 class Outcome:
-    """What became of one recording."""
+    """Outcome of one recording."""
 
     path: Path
     recording: RecordingRow | None = None
@@ -46,7 +47,7 @@ def commit(
     """Store what was measured of a recording, and its estimates, in one transaction."""
     with store.transaction():
         with times.stage("store"):
-            recording_id = store.ingest(row, parts, run_id)
+            recording_id = replace_recording(store, row, parts, run_id)
         with times.stage("estimate"):
             estimate_recording(store, recording_id, run_id, row.path.name, config)
 

@@ -29,7 +29,9 @@ from pipeline.core.records import Diagnostic, Severity
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recording import Outcome, add_timelines, commit, measure
 from pipeline.run.workers import Work, collect, side_by_side
-from pipeline.store.database import Store, new_run_id
+from pipeline.store.database import Store
+from pipeline.store.recordings import add_diagnostics, list_recordings
+from pipeline.store.runs import finish_run, new_run_id, start_run
 from pipeline.store.scratch import Begun
 
 LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "rerun-sdk", "scipy")
@@ -37,7 +39,7 @@ LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "re
 
 @dataclass(slots=True)
 class RunResult:
-    """What became of all of them."""
+    """Outcome of all recordings of a run."""
 
     run_id: str
     outcomes: list[Outcome] = field(default_factory=list)
@@ -106,7 +108,7 @@ def run(
                 frames = outcome.recording.frame_count
                 report(Progress(outcome.path.name, "done", frames, 1.0))
         prepared.result()
-        store.finish_run(begun.run_id)
+        finish_run(store, begun.run_id)
     result.outcomes.sort(key=lambda outcome: paths.index(outcome.path))
     return result
 
@@ -130,14 +132,14 @@ def estimate_again(database: Path, config: Config, label: str | None) -> tuple[s
     if not database.is_file():
         raise StoreError("there is no such database", where=Where(database))
     with Store.open(database) as store:
-        run_id = store.start_run(
-            "estimate", label, describe(config), library_versions(), __version__
+        run_id = start_run(
+            store, "estimate", label, describe(config), library_versions(), __version__
         )
-        rows = store.recordings().to_pylist()
+        rows = list_recordings(store).to_pylist()
         for row in rows:
             with store.transaction():
                 estimate_recording(store, row["recording_id"], run_id, row["file_name"], config)
-        store.finish_run(run_id)
+        finish_run(store, run_id)
     return run_id, len(rows)
 
 
@@ -187,7 +189,7 @@ def _store_reason(store: Store, outcome: Outcome, run_id: str) -> None:
         raise outcome.error
     note = Diagnostic(Severity.ERROR, "unreadable_file", str(outcome.error))
     with store.transaction():
-        store.add_diagnostics([note], None, run_id, outcome.path.name)
+        add_diagnostics(store, [note], None, run_id, outcome.path.name)
 
 
 @contextmanager

@@ -13,10 +13,11 @@ import pyarrow.compute as pc
 from pipeline.calibrate.walkers.sample import MIN_OBSERVATIONS, spread_people
 from pipeline.core.arrays import FloatArray
 from pipeline.core.records import GroundPlane
-from pipeline.estimate.estimate_tracks import measured_of
+from pipeline.estimate.tables import measured_of
 from pipeline.estimate.track_batches import Tracks
 from pipeline.estimate.types import Measured
 from pipeline.store.database import Store
+from pipeline.store.track_rows import observed
 
 
 @dataclass(slots=True)
@@ -30,8 +31,12 @@ class StoredCamera:
 
     def measured(self, tracks: Tracks) -> Measured:
         """Read tracks, and what else is in their frames."""
-        own, others = self.store.observed(
-            self.recording_id, self.row["camera"], tracks.track_id.tolist(), tracks.frames
+        own, others = observed(
+            self.store,
+            self.recording_id,
+            self.row["camera"],
+            tracks.track_id.tolist(),
+            tracks.frames,
         )
         return measured_of(own, self.row, self.plane, others)
 
@@ -39,7 +44,7 @@ class StoredCamera:
         """Read the tracks that tell the pose, None if nobody is there.
 
         Args:
-            tracks: the camera's rows of `Store.tracks_of`, for the class of those who walk.
+            tracks: the camera's rows of `track_rows.tracks_of`, for the class of those who walk.
             besides: tracks that are read whatever they tell.
         """
         people = tracks.filter(pc.greater(tracks["class_count"], 0)).sort_by("first_of_class")

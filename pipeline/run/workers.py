@@ -20,12 +20,13 @@ from pipeline.parallel.processes import local_engine, tell
 from pipeline.run.recording import Outcome, add_timelines, commit, measure
 from pipeline.store.database import Store
 from pipeline.store.parquet import take_rows, write_rows
+from pipeline.store.recordings import refuse_collision
 from pipeline.store.scratch import Begun, own_store
 
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """What a worker is to do with a recording."""
+    """Orders for a worker: one recording, and how to work it."""
 
     path: Path
     config: Config
@@ -36,7 +37,7 @@ class Work:
 
 @dataclass(frozen=True, slots=True)
 class Worked:
-    """What a worker made of a recording."""
+    """Result of a worker for one recording."""
 
     outcome: Outcome
     files: dict[str, Path]  # of rows, by table
@@ -83,5 +84,5 @@ def collect(store: Store, worked: Worked) -> None:
     if row is None:
         return
     with worked.outcome.times.stage("store"), store.transaction():
-        store.refuse_collision(row)
+        refuse_collision(store, row)
         take_rows(store, row.recording_id, worked.files)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import duckdb
 import numpy as np
 import pyarrow as pa
+
+from pipeline.store.database import Store
 
 STRETCH = 50_000  # frames: half an hour
 NEIGHBOURS = 6  # on either side, by which a frame is judged: five, and one more for where a step is
@@ -19,11 +20,9 @@ SELECT camera, verdict, count(*) AS frames, min(frame_index) AS first_frame_inde
 _WHERE = "WHERE verdict <> 'agrees' AND frame_index BETWEEN $low AND $high GROUP BY ALL"
 
 
-def exposure_verdicts(
-    connection: duckdb.DuckDBPyConnection, recording_id: str, stretch: int = STRETCH
-) -> pa.Table:
+def exposure_verdicts(store: Store, recording_id: str, stretch: int = STRETCH) -> pa.Table:
     """Return how many frames of each camera have each verdict, but for those that agree."""
-    cameras = connection.execute(
+    cameras = store.connection.execute(
         "SELECT camera, min(frame_index), max(frame_index) FROM frames "
         "WHERE recording_id = ? GROUP BY camera ORDER BY camera",
         [recording_id],
@@ -31,9 +30,9 @@ def exposure_verdicts(
     found = []
     for camera, first, last in cameras:
         stretches = list(_stretches(recording_id, camera, first, last, stretch))
-        scatter = _scatter(connection, stretches) if len(stretches) > 1 else None
+        scatter = _scatter(store, stretches) if len(stretches) > 1 else None
         found += [
-            connection.sql(
+            store.connection.sql(
                 f"{_COUNTED} FROM main.exposure_checks_between($recording, $camera, $first, $last, "
                 f"scatter := $scatter) {_WHERE}",
                 params={**values, "scatter": scatter},
@@ -59,12 +58,10 @@ def _stretches(
         }
 
 
-def _scatter(
-    connection: duckdb.DuckDBPyConnection, stretches: list[dict[str, object]]
-) -> float | None:
+def _scatter(store: Store, stretches: list[dict[str, object]]) -> float | None:
     """Return the camera's `scatter_ev` over all of its frames."""
     departures = [
-        connection.sql(
+        store.connection.sql(
             "SELECT departure_ev FROM main.exposure_checks_between($recording, $camera, $first, $last) "
             "WHERE departure_ev IS NOT NULL AND frame_index BETWEEN $low AND $high",
             params=values,

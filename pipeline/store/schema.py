@@ -122,8 +122,8 @@ def _mentioned(script: str) -> set[str]:
 def _comment_view_columns(connection: duckdb.DuckDBPyConnection, tables: list[str]) -> None:
     """Give columns of views that have no comment the comment of their name.
 
-    One name is one thing everywhere, so its explanation is written once: at a table's column, or in
-    the view main.glossary.
+    One name is one thing everywhere, so its explanation is written once: at a table's column (of
+    several, that of the table which tables.sql makes first), or in the view main.glossary.
     """
     bare = connection.execute(
         """
@@ -135,9 +135,9 @@ def _comment_view_columns(connection: duckdb.DuckDBPyConnection, tables: list[st
         meanings AS (
             SELECT column_name, meaning FROM main.glossary
             UNION ALL
-            SELECT column_name, first(comment ORDER BY table_name)
+            SELECT column_name, first(comment ORDER BY list_position($tables, table_name))
             FROM columns
-            WHERE schema_name = 'main' AND list_contains(?, table_name)
+            WHERE schema_name = 'main' AND list_contains($tables, table_name)
                 AND column_name NOT IN (SELECT column_name FROM main.glossary)
             GROUP BY column_name
         )
@@ -145,7 +145,7 @@ def _comment_view_columns(connection: duckdb.DuckDBPyConnection, tables: list[st
         FROM columns JOIN meanings USING (column_name)
         WHERE comment IS NULL AND meaning IS NOT NULL
         """,
-        [tables],
+        {"tables": tables},
     ).fetchall()
     for schema, view, column, meaning in bare:
         text = meaning.replace("'", "''")  # our own text: DDL takes no parameters

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from pipeline import __version__
 from pipeline.store.database import Store
+from pipeline.store.runs import start_run
 
 # What is asked of a database while rows go into it; to make all views takes five times as long.
 _VIEWS = ("accuracy.match_candidates", "main.current_run", "main.exposure_checks")
@@ -31,8 +32,8 @@ class Begun:
 
     def enter(self, store: Store) -> None:
         """Enter the run."""
-        store.start_run(
-            "run", self.label, self.configuration, self.libraries, __version__, self.run_id
+        start_run(
+            store, "run", self.label, self.configuration, self.libraries, __version__, self.run_id
         )
 
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import duckdb
 import pyarrow as pa
+
+from pipeline.store.database import Store
 
 _OWN = """
 FROM observations WHERE recording_id = $recording AND camera = $camera
@@ -26,11 +27,9 @@ FROM frames WHERE recording_id = $recording AND camera = $camera
 """
 
 
-def tracks_of(
-    connection: duckdb.DuckDBPyConnection, recording_id: str, object_class: str
-) -> pa.Table:
+def tracks_of(store: Store, recording_id: str, object_class: str) -> pa.Table:
     """Return every track of a recording: its frames, its observations, and those of a class."""
-    return connection.sql(
+    return store.connection.sql(
         """
         SELECT
             camera, track_id, min(frame_index) AS first_frame_index,
@@ -45,7 +44,7 @@ def tracks_of(
 
 
 def observed(
-    connection: duckdb.DuckDBPyConnection,
+    store: Store,
     recording_id: str,
     camera: str,
     track_ids: Sequence[int],
@@ -56,7 +55,7 @@ def observed(
     Both are in the order of `observation_index`.
 
     Args:
-        connection: where to read.
+        store: a database that is open.
         recording_id: which recording.
         camera: which camera of it.
         track_ids: the tracks.
@@ -69,14 +68,14 @@ def observed(
         "first": frame_range[0],
         "last": frame_range[1],
     }
-    own = connection.sql(
+    own = store.connection.sql(
         f"""
         SELECT * EXCLUDE ({_UNUSED}) FROM (SELECT * {_OWN}) JOIN ({_LENS}) USING (camera, frame_index)
         ORDER BY observation_index
         """,
         params=values,
     ).to_arrow_table()
-    others = connection.sql(
+    others = store.connection.sql(
         f"""
         SELECT observation_index, frame_index, x_min_px, y_min_px, x_max_px, y_max_px
         FROM observations SEMI JOIN (SELECT frame_index {_OWN}) USING (frame_index)

@@ -1,1 +1,1 @@
-"""Track."""
+"""Tracks from observations."""

@@ -25,7 +25,7 @@ GATE = 18.47
 
 @dataclass(slots=True)
 class _Life:
-    """What is remembered of a track beside its filter."""
+    """Facts about a track beside the state of its filter."""
 
     track_id: int
     object_id: str | None

@@ -13,12 +13,12 @@ CREATE TABLE IF NOT EXISTS runs (
     libraries        VARCHAR,
     configuration    VARCHAR NOT NULL
 );
-COMMENT ON TABLE runs IS 'One row a start of `stadimeter run` or `estimate`: what made the numbers.';
+COMMENT ON TABLE runs IS 'One row for each start of `stadimeter run`, `estimate` or `calibrate`, with its version and configuration.';
 COMMENT ON COLUMN runs.run_id IS 'Name of the run.';
 COMMENT ON COLUMN runs.command IS 'run, estimate or calibrate.';
-COMMENT ON COLUMN runs.label IS 'The name that the user gave the run, for comparing runs.';
-COMMENT ON COLUMN runs.started_at IS 'When the run started.';
-COMMENT ON COLUMN runs.finished_at IS 'When the run ended; NULL if it did not.';
+COMMENT ON COLUMN runs.label IS 'Name that the user gave the run, for comparing runs.';
+COMMENT ON COLUMN runs.started_at IS 'Time at which the run started.';
+COMMENT ON COLUMN runs.finished_at IS 'Time at which the run ended; NULL if it did not end.';
 COMMENT ON COLUMN runs.software_version IS 'Version of stadimeter.';
 COMMENT ON COLUMN runs.libraries IS 'Versions of Python and the libraries, as JSON.';
 COMMENT ON COLUMN runs.configuration IS 'The whole configuration, as JSON.';
@@ -36,17 +36,17 @@ CREATE TABLE IF NOT EXISTS recordings (
     damaged        BOOLEAN NOT NULL,
     run_id         VARCHAR NOT NULL
 );
-COMMENT ON TABLE recordings IS 'One row a recording, keyed by its content: the same bytes under another name are the same recording.';
+COMMENT ON TABLE recordings IS 'One row for each recording, keyed by its content: the same bytes under another name are the same recording.';
 COMMENT ON COLUMN recordings.recording_id IS 'First 16 hexadecimal digits of content_sha256.';
 COMMENT ON COLUMN recordings.content_sha256 IS 'SHA-256 of the file.';
 COMMENT ON COLUMN recordings.file_name IS 'Name of the file when it was last read.';
-COMMENT ON COLUMN recordings.path IS 'Where the file was when it was last read.';
+COMMENT ON COLUMN recordings.path IS 'Path of the file when it was last read.';
 COMMENT ON COLUMN recordings.size_bytes IS 'Size of the file.';
 COMMENT ON COLUMN recordings.start_time_ns IS 'Log time of the first frame, nanoseconds since 1970 UTC.';
 COMMENT ON COLUMN recordings.end_time_ns IS 'Log time of the last frame, nanoseconds since 1970 UTC.';
 COMMENT ON COLUMN recordings.frame_count IS 'Frames read, all cameras.';
 COMMENT ON COLUMN recordings.frames_lost IS 'Frames known to be in the file that could not be decoded.';
-COMMENT ON COLUMN recordings.damaged IS 'Whether any part of the file could not be read; see diagnostics.';
+COMMENT ON COLUMN recordings.damaged IS 'TRUE if any part of the file could not be read; see diagnostics.';
 COMMENT ON COLUMN recordings.run_id IS 'The run that last read the pixels.';
 
 CREATE TABLE IF NOT EXISTS cameras (
@@ -76,7 +76,7 @@ CREATE TABLE IF NOT EXISTS cameras (
     recorded_ground_frame VARCHAR,
     focal_std_px        DOUBLE
 );
-COMMENT ON TABLE cameras IS 'One row a camera of a recording: its lens in pixels and, where known, its pose above the ground.';
+COMMENT ON TABLE cameras IS 'One row for each camera of a recording: its lens in pixels and, where known, its pose above the ground.';
 COMMENT ON COLUMN cameras.recording_id IS 'The recording.';
 COMMENT ON COLUMN cameras.camera IS 'Name of the camera: the frame_id of its images, or their topic.';
 COMMENT ON COLUMN cameras.topic IS 'Topic of its images.';
@@ -92,11 +92,11 @@ COMMENT ON COLUMN cameras.distortion IS 'Coefficients of the distortion model.';
 COMMENT ON COLUMN cameras.intrinsics_source IS 'recording, camera_file, lens_data (focal length over pixel pitch, centre assumed), or walkers (found with the pose from the people who walk; square pixels, centre and no distortion assumed).';
 COMMENT ON COLUMN cameras.focal_std_px IS 'Standard error of fx_px and fy_px where they were found from walkers, now or when the camera file was written, or where walkers contradict lens data; NULL where they are given.';
 COMMENT ON COLUMN cameras.camera_height_m IS 'Height of the camera above the ground.';
-COMMENT ON COLUMN cameras.camera_height_std_m IS 'Its standard error.';
+COMMENT ON COLUMN cameras.camera_height_std_m IS 'Standard error of camera_height_m.';
 COMMENT ON COLUMN cameras.tilt_rad IS 'Tilt of the optical axis below the horizon.';
-COMMENT ON COLUMN cameras.tilt_std_rad IS 'Its standard error.';
+COMMENT ON COLUMN cameras.tilt_std_rad IS 'Standard error of tilt_rad.';
 COMMENT ON COLUMN cameras.roll_rad IS 'Rotation about the optical axis.';
-COMMENT ON COLUMN cameras.roll_std_rad IS 'Its standard error.';
+COMMENT ON COLUMN cameras.roll_std_rad IS 'Standard error of roll_rad.';
 COMMENT ON COLUMN cameras.pose_source IS 'given (camera file), transforms (of the recording), walkers, or NULL where the pose is unknown.';
 COMMENT ON COLUMN cameras.recorded_height_m IS 'Height of the camera above the ground by the transforms in the recording; used where no camera file gives a pose.';
 COMMENT ON COLUMN cameras.recorded_tilt_rad IS 'Tilt below the horizon by the transforms in the recording.';
@@ -120,8 +120,10 @@ CREATE TABLE IF NOT EXISTS frames (
     f_number              DOUBLE,
     iso_speed             DOUBLE,
     exposure_bias_ev      DOUBLE,
+    brightness_ev         DOUBLE,
     gain_db               DOUBLE,
     focal_length_mm       DOUBLE,
+    focal_length_35mm_mm  DOUBLE,
     focus_distance_m      DOUBLE,
     pixel_pitch_x_um      DOUBLE,
     pixel_pitch_y_um      DOUBLE,
@@ -130,25 +132,27 @@ CREATE TABLE IF NOT EXISTS frames (
     ev100                 DOUBLE,
     scene_luminance_cd_m2 DOUBLE
 );
-COMMENT ON TABLE frames IS 'One row a frame: its times, the exposure that belongs to it, and how bright it is.';
+COMMENT ON TABLE frames IS 'One row for each frame: its times, its exposure and its brightness.';
 COMMENT ON COLUMN frames.recording_id IS 'The recording.';
 COMMENT ON COLUMN frames.camera IS 'The camera.';
 COMMENT ON COLUMN frames.frame_index IS 'Number of the frame within its camera, from 0.';
-COMMENT ON COLUMN frames.log_time_ns IS 'When the frame was logged, nanoseconds since 1970 UTC.';
-COMMENT ON COLUMN frames.capture_time_ns IS 'When the frame was taken, by its own timestamp; the log time where it has none.';
+COMMENT ON COLUMN frames.log_time_ns IS 'Time at which the frame was logged, nanoseconds since 1970 UTC.';
+COMMENT ON COLUMN frames.capture_time_ns IS 'Time at which the frame was taken, by its own timestamp; the log time where it has none.';
 COMMENT ON COLUMN frames.image_format IS 'Encoding of the picture as the recording states it.';
 COMMENT ON COLUMN frames.image_bytes IS 'Size of the encoded picture.';
 COMMENT ON COLUMN frames.width_px IS 'Width of the stored picture.';
 COMMENT ON COLUMN frames.height_px IS 'Height of the stored picture.';
-COMMENT ON COLUMN frames.decoded IS 'Whether the picture could be decoded.';
+COMMENT ON COLUMN frames.decoded IS 'TRUE if the picture could be decoded.';
 COMMENT ON COLUMN frames.exposure_pairing IS 'nearest (within the tolerance), last_known (before the frame), embedded (EXIF in the picture itself), or none.';
 COMMENT ON COLUMN frames.exposure_offset_ns IS 'Time of the exposure message less that of the frame.';
 COMMENT ON COLUMN frames.exposure_time_s IS 'Exposure time (shutter speed).';
 COMMENT ON COLUMN frames.f_number IS 'f-number: focal length over aperture diameter.';
 COMMENT ON COLUMN frames.iso_speed IS 'Photographic sensitivity (ISO).';
 COMMENT ON COLUMN frames.exposure_bias_ev IS 'Exposure bias.';
+COMMENT ON COLUMN frames.brightness_ev IS 'Brightness of the scene as the camera metered it (APEX, EXIF BrightnessValue).';
 COMMENT ON COLUMN frames.gain_db IS 'Sensor gain, where ISO is not known.';
 COMMENT ON COLUMN frames.focal_length_mm IS 'Focal length.';
+COMMENT ON COLUMN frames.focal_length_35mm_mm IS 'Focal length before 35 mm film that sees the same angle across the diagonal; it gives the pixel pitch where none is stated.';
 COMMENT ON COLUMN frames.focus_distance_m IS 'Distance on which the lens is focused; infinity is a value, NULL is unknown.';
 COMMENT ON COLUMN frames.pixel_pitch_x_um IS 'Horizontal pitch of the pixels of the stored picture, on the sensor.';
 COMMENT ON COLUMN frames.pixel_pitch_y_um IS 'Vertical pitch of the pixels of the stored picture, on the sensor.';
@@ -165,7 +169,7 @@ CREATE TABLE IF NOT EXISTS background_lines (
     x1_px        DOUBLE NOT NULL,
     y1_px        DOUBLE NOT NULL
 );
-COMMENT ON TABLE background_lines IS 'Straight edges of what never moves before a camera; upright ones tell its roll and tilt.';
+COMMENT ON TABLE background_lines IS 'Straight edges of things that never move before a camera; upright ones give its roll and tilt.';
 COMMENT ON COLUMN background_lines.recording_id IS 'The recording.';
 COMMENT ON COLUMN background_lines.camera IS 'The camera.';
 COMMENT ON COLUMN background_lines.x0_px IS 'Column of one end, in pixels of the stored picture.';
@@ -185,17 +189,17 @@ CREATE TABLE IF NOT EXISTS tracks (
     last_time_ns      BIGINT NOT NULL,
     observation_count INTEGER NOT NULL
 );
-COMMENT ON TABLE tracks IS 'One row an object that was followed over frames.';
+COMMENT ON TABLE tracks IS 'One row for each object that was followed over frames.';
 COMMENT ON COLUMN tracks.recording_id IS 'The recording.';
 COMMENT ON COLUMN tracks.camera IS 'The camera.';
 COMMENT ON COLUMN tracks.track_id IS 'Number of the track within its camera.';
-COMMENT ON COLUMN tracks.class_name IS 'Class of most of its observations.';
+COMMENT ON COLUMN tracks.class_name IS 'Class of the object: that of most of its observations.';
 COMMENT ON COLUMN tracks.object_id IS 'The recording''s own id of the object, where its detections have one.';
 COMMENT ON COLUMN tracks.first_frame_index IS 'First frame in which it was seen.';
 COMMENT ON COLUMN tracks.last_frame_index IS 'Last frame in which it was seen.';
 COMMENT ON COLUMN tracks.first_time_ns IS 'Capture time of the first frame.';
 COMMENT ON COLUMN tracks.last_time_ns IS 'Capture time of the last frame.';
-COMMENT ON COLUMN tracks.observation_count IS 'In how many frames it was seen.';
+COMMENT ON COLUMN tracks.observation_count IS 'Number of frames in which it was seen.';
 
 CREATE TABLE IF NOT EXISTS observations (
     recording_id      VARCHAR NOT NULL,
@@ -226,7 +230,7 @@ CREATE TABLE IF NOT EXISTS observations (
     blur_edge_count   INTEGER,
     blur_reason       VARCHAR
 );
-COMMENT ON TABLE observations IS 'One row an object a frame: what pass 1 measured in the picture.';
+COMMENT ON TABLE observations IS 'One row for each object in each frame: the measurements of pass 1 in the picture.';
 COMMENT ON COLUMN observations.recording_id IS 'The recording.';
 COMMENT ON COLUMN observations.observation_index IS 'Number of the observation within its recording, from 0.';
 COMMENT ON COLUMN observations.camera IS 'The camera.';
@@ -244,16 +248,16 @@ COMMENT ON COLUMN observations.x_min_std_px IS 'Standard deviation of the left e
 COMMENT ON COLUMN observations.y_min_std_px IS 'Standard deviation of the upper edge.';
 COMMENT ON COLUMN observations.x_max_std_px IS 'Standard deviation of the right edge.';
 COMMENT ON COLUMN observations.y_max_std_px IS 'Standard deviation of the lower edge.';
-COMMENT ON COLUMN observations.truncated_left IS 'Whether the picture''s left edge cuts the object.';
-COMMENT ON COLUMN observations.truncated_top IS 'Whether the picture''s upper edge cuts the object.';
-COMMENT ON COLUMN observations.truncated_right IS 'Whether the picture''s right edge cuts the object.';
-COMMENT ON COLUMN observations.truncated_bottom IS 'Whether the picture''s lower edge cuts the object.';
+COMMENT ON COLUMN observations.truncated_left IS 'TRUE if the left edge of the picture cuts the object.';
+COMMENT ON COLUMN observations.truncated_top IS 'TRUE if the upper edge of the picture cuts the object.';
+COMMENT ON COLUMN observations.truncated_right IS 'TRUE if the right edge of the picture cuts the object.';
+COMMENT ON COLUMN observations.truncated_bottom IS 'TRUE if the lower edge of the picture cuts the object.';
 COMMENT ON COLUMN observations.occlusion IS 'Share of the box that the boxes of nearer objects cover, 0..1.';
 COMMENT ON COLUMN observations.luminance IS 'Mean relative luminance inside the box, linear light, 0..1.';
-COMMENT ON COLUMN observations.blur_sigma_px IS 'How blurred the object''s edges are: standard deviation of the spread of a step, pixels of the stored picture, the camera''s own softness included. NULL where it was not measured; blur_reason says why.';
-COMMENT ON COLUMN observations.blur_std_px IS 'Its standard deviation, by how much the object''s edges differ.';
-COMMENT ON COLUMN observations.blur_edge_count IS 'How many edges went in.';
-COMMENT ON COLUMN observations.blur_reason IS 'Why there is no blur: lens_unknown (f-number, focal length, focus distance or pitch), unresolvable (at no depth where it can be would it blur more than the lens does, or its box is too small: its pixels were not looked at), no_edges, too_wide (blurred over too much of itself), motion, too_many (in one frame), no_picture.';
+COMMENT ON COLUMN observations.blur_sigma_px IS 'Blur of the object''s edges: standard deviation of the spread of a step, pixels of the stored picture, the camera''s own softness included. NULL where it was not measured; blur_reason says why.';
+COMMENT ON COLUMN observations.blur_std_px IS 'Its standard deviation, from the differences between the object''s edges.';
+COMMENT ON COLUMN observations.blur_edge_count IS 'Number of edges that were used.';
+COMMENT ON COLUMN observations.blur_reason IS 'Reason for which there is no blur: lens_unknown (f-number, focal length, focus distance or pitch), unresolvable (at no possible depth would it be blurred more than by the lens itself, or its box is too small: its pixels were not read), no_edges, too_wide (blurred over too much of itself), motion, too_many (in one frame), no_picture.';
 
 CREATE TABLE IF NOT EXISTS estimates (
     recording_id        VARCHAR NOT NULL,
@@ -272,17 +276,17 @@ CREATE TABLE IF NOT EXISTS estimates (
     in_calibrated_range BOOLEAN,
     branch              VARCHAR
 );
-COMMENT ON TABLE estimates IS 'One row an observation a method a run: how far away and how tall. Use main.current_estimates for the newest run of each recording.';
+COMMENT ON TABLE estimates IS 'One row for each observation, method and run: depth and height with their standard deviations. Use main.current_estimates for the newest run of each recording.';
 COMMENT ON COLUMN estimates.recording_id IS 'The recording.';
 COMMENT ON COLUMN estimates.run_id IS 'The run that made the estimate.';
 COMMENT ON COLUMN estimates.observation_index IS 'The observation.';
 COMMENT ON COLUMN estimates.method IS 'aperture (Eq. 16), inverse (Eq. 17), size, ground, defocus or fused.';
 COMMENT ON COLUMN estimates.calibration_id IS 'The calibration that was used.';
 COMMENT ON COLUMN estimates.depth_m IS 'Distance along the optical axis.';
-COMMENT ON COLUMN estimates.depth_std_m IS 'Its standard deviation; 95 % interval: 1.96 of it to either side.';
-COMMENT ON COLUMN estimates.height_m IS 'Height of the object; of somebody who walks, the height when standing, which is 3.3 cm more than what the picture shows (pipeline/estimate/gait.py).';
-COMMENT ON COLUMN estimates.height_std_m IS 'Its standard deviation.';
-COMMENT ON COLUMN estimates.height_assumed IS 'TRUE where the height was put in (the depth came from a height prior), not measured.';
+COMMENT ON COLUMN estimates.depth_std_m IS 'Standard deviation of depth_m; the 95 % interval is 1.96 of it to either side.';
+COMMENT ON COLUMN estimates.height_m IS 'Height of the object; of a person who walks, the height when standing, which is 3.3 cm more than the picture shows (pipeline/estimate/gait.py).';
+COMMENT ON COLUMN estimates.height_std_m IS 'Standard deviation of height_m.';
+COMMENT ON COLUMN estimates.height_assumed IS 'TRUE where the height was assumed (the depth came from a prior on height), not measured.';
 COMMENT ON COLUMN estimates.range_m IS 'Euclidean distance to the middle of the object.';
 COMMENT ON COLUMN estimates.x_m IS 'Position on the ground to the right of the camera; across the axis where the pose is unknown.';
 COMMENT ON COLUMN estimates.y_m IS 'Position on the ground ahead of the camera; along the axis where the pose is unknown.';
@@ -304,20 +308,20 @@ CREATE TABLE IF NOT EXISTS track_heights (
     depth_max_m       DOUBLE,
     observation_count INTEGER NOT NULL
 );
-COMMENT ON TABLE track_heights IS 'One row a track a method a run: the height of the object over all its frames, and where it was.';
+COMMENT ON TABLE track_heights IS 'One row for each track, method and run: the height of the object over all its frames, and its depths.';
 COMMENT ON COLUMN track_heights.recording_id IS 'The recording.';
 COMMENT ON COLUMN track_heights.run_id IS 'The run that made the estimate.';
 COMMENT ON COLUMN track_heights.camera IS 'The camera.';
 COMMENT ON COLUMN track_heights.track_id IS 'The track.';
 COMMENT ON COLUMN track_heights.method IS 'The method.';
 COMMENT ON COLUMN track_heights.height_m IS 'Robust combination of the heights of its frames.';
-COMMENT ON COLUMN track_heights.height_std_m IS 'Its standard deviation: of the frames as far as they are independent, of the gait, of the calibration, and of a box that may be no one person''s.';
-COMMENT ON COLUMN track_heights.height_assumed IS 'TRUE where the height was put in, not measured.';
-COMMENT ON COLUMN track_heights.height_plausible IS 'FALSE where one object of its class cannot be so tall or so small: two people in one box, or half of one. NULL where nothing is known of the class, or the height was put in.';
+COMMENT ON COLUMN track_heights.height_std_m IS 'Its standard deviation: of the frames as far as they are independent, of the gait, of the calibration, and of the chance that the box is not of one person.';
+COMMENT ON COLUMN track_heights.height_assumed IS 'TRUE where the height was assumed, not measured.';
+COMMENT ON COLUMN track_heights.height_plausible IS 'FALSE where one object of its class cannot be so tall or so small: two people in one box, or half of one. NULL where nothing is known of the class, or the height was assumed.';
 COMMENT ON COLUMN track_heights.depth_min_m IS 'Nearest depth.';
 COMMENT ON COLUMN track_heights.depth_median_m IS 'Median depth.';
 COMMENT ON COLUMN track_heights.depth_max_m IS 'Farthest depth.';
-COMMENT ON COLUMN track_heights.observation_count IS 'Estimates that went in.';
+COMMENT ON COLUMN track_heights.observation_count IS 'Number of estimates that were used.';
 
 CREATE TABLE IF NOT EXISTS observation_quality (
     recording_id      VARCHAR NOT NULL,
@@ -330,15 +334,15 @@ CREATE TABLE IF NOT EXISTS observation_quality (
     alone             BOOLEAN,
     stride_phase_rad  DOUBLE
 );
-COMMENT ON TABLE observation_quality IS 'One row an observation a run: how far it can be trusted. Nothing is dropped for it: what is bad has wider deviations in main.estimates.';
+COMMENT ON TABLE observation_quality IS 'One row for each observation and run: how far the box can be trusted. No observation is dropped; bad ones have larger standard deviations in main.estimates.';
 COMMENT ON COLUMN observation_quality.recording_id IS 'The recording.';
 COMMENT ON COLUMN observation_quality.run_id IS 'The run that judged it.';
 COMMENT ON COLUMN observation_quality.observation_index IS 'The observation.';
-COMMENT ON COLUMN observation_quality.quality IS 'Weight of the worse end of the box beside that of the same box with nothing wrong, 0..1; 0 where the picture cuts off the head or the feet.';
-COMMENT ON COLUMN observation_quality.contact_visible IS 'Whether the feet can be seen where they touch the ground: not below the picture, not behind the box of a nearer object, and not so much smaller than the rest of the track that something without a box hides them.';
-COMMENT ON COLUMN observation_quality.head_visible IS 'Whether the head can be seen: not above the picture, not behind the box of a nearer object.';
+COMMENT ON COLUMN observation_quality.quality IS 'Weight of the worse end of the box, relative to the same box with nothing wrong, 0..1; 0 where the picture cuts off the head or the feet.';
+COMMENT ON COLUMN observation_quality.contact_visible IS 'TRUE if the feet can be seen where they touch the ground: not below the picture, not behind the box of a nearer object, and the box not so much smaller than the rest of the track that something without a box must hide them.';
+COMMENT ON COLUMN observation_quality.head_visible IS 'TRUE if the head can be seen: not above the picture, not behind the box of a nearer object.';
 COMMENT ON COLUMN observation_quality.aspect_plausible IS 'FALSE where the shape of the box is not that of one upright person, or has changed by more than a stride does.';
-COMMENT ON COLUMN observation_quality.alone IS 'FALSE where the box is so much taller than the rest of the track that somebody else is in it.';
+COMMENT ON COLUMN observation_quality.alone IS 'FALSE where the box is so much taller than the rest of the track that another person must be in it.';
 COMMENT ON COLUMN observation_quality.stride_phase_rad IS 'Phase of the step: 0 with the feet farthest apart, +-pi when together; NULL where the width of the box has no rhythm. No estimate uses it.';
 
 CREATE TABLE IF NOT EXISTS ground_truth (
@@ -358,7 +362,7 @@ CREATE TABLE IF NOT EXISTS ground_truth (
     x_max_px     DOUBLE,
     y_max_px     DOUBLE
 );
-COMMENT ON TABLE ground_truth IS 'One row an object a frame of what is known by survey or construction.';
+COMMENT ON TABLE ground_truth IS 'One row for each object in each frame whose truth is known, by survey or by construction.';
 COMMENT ON COLUMN ground_truth.recording_id IS 'The recording.';
 COMMENT ON COLUMN ground_truth.camera IS 'The camera.';
 COMMENT ON COLUMN ground_truth.frame_index IS 'The frame.';
@@ -391,7 +395,7 @@ CREATE TABLE IF NOT EXISTS matches (
     true_range_m      DOUBLE,
     true_height_m     DOUBLE
 );
-COMMENT ON TABLE matches IS 'Which observation is which true object, and what is true of it. By object_id, where the recording''s truth for that camera knows the observation''s object_id; else by overlap: intersection over union of the boxes at least 0.5, each being the other''s best. Joined once, when the recording is read, so that accuracy views join nothing but this with the estimates.';
+COMMENT ON TABLE matches IS 'Pairs of an observation and the true object that it shows, with the truth. Matched by object_id, where the recording''s truth for that camera has the observation''s object_id; else by overlap: intersection over union of the boxes at least 0.5, each being the other''s best. Made once, when the recording is read, so that accuracy views join only this table with the estimates.';
 COMMENT ON COLUMN matches.recording_id IS 'The recording.';
 COMMENT ON COLUMN matches.camera IS 'The camera.';
 COMMENT ON COLUMN matches.frame_index IS 'The frame.';
@@ -401,7 +405,7 @@ COMMENT ON COLUMN matches.rule IS 'object_id or overlap.';
 COMMENT ON COLUMN matches.overlap IS 'Intersection over union of the two boxes, where both are known.';
 COMMENT ON COLUMN matches.track_id IS 'The observation''s track.';
 COMMENT ON COLUMN matches.class_name IS 'Class of the true object; that of the observation where the truth has none.';
-COMMENT ON COLUMN matches.capture_time_ns IS 'When the frame was taken.';
+COMMENT ON COLUMN matches.capture_time_ns IS 'Time at which the frame was taken.';
 COMMENT ON COLUMN matches.f_number IS 'The frame''s f-number.';
 COMMENT ON COLUMN matches.true_depth_m IS 'True distance along the optical axis.';
 COMMENT ON COLUMN matches.true_range_m IS 'True Euclidean distance.';
@@ -427,7 +431,7 @@ CREATE TABLE IF NOT EXISTS calibrations (
     kfold_rmse_m      DOUBLE,
     source            VARCHAR
 );
-COMMENT ON TABLE calibrations IS 'One row a parameter of a calibration that a run used or made.';
+COMMENT ON TABLE calibrations IS 'One row for each parameter of a calibration that a run used or made.';
 COMMENT ON COLUMN calibrations.calibration_id IS 'Hash of the calibration''s numbers.';
 COMMENT ON COLUMN calibrations.run_id IS 'The run that used or made it.';
 COMMENT ON COLUMN calibrations.camera IS 'The camera that it is for; empty is any.';
@@ -437,7 +441,7 @@ COMMENT ON COLUMN calibrations.method IS 'aperture, inverse or size.';
 COMMENT ON COLUMN calibrations.parameter IS 'k, b0_m, b1_m_mm or object_size_m.';
 COMMENT ON COLUMN calibrations.f_number IS 'The f-number at which the parameter holds; NULL is any.';
 COMMENT ON COLUMN calibrations.value IS 'The parameter.';
-COMMENT ON COLUMN calibrations.std_error IS 'Its standard error.';
+COMMENT ON COLUMN calibrations.std_error IS 'Standard error of value.';
 COMMENT ON COLUMN calibrations.residual_std_m IS 'Spread of depth about the fit.';
 COMMENT ON COLUMN calibrations.observation_count IS 'Observations that the fit used.';
 COMMENT ON COLUMN calibrations.depth_min_m IS 'Nearest depth of the fit.';
@@ -445,7 +449,7 @@ COMMENT ON COLUMN calibrations.depth_max_m IS 'Farthest depth of the fit.';
 COMMENT ON COLUMN calibrations.fit_rmse_m IS 'RMSE on the data of the fit.';
 COMMENT ON COLUMN calibrations.loo_rmse_m IS 'RMSE of leave-one-out.';
 COMMENT ON COLUMN calibrations.kfold_rmse_m IS 'RMSE of k-fold cross-validation.';
-COMMENT ON COLUMN calibrations.source IS 'Where it comes from.';
+COMMENT ON COLUMN calibrations.source IS 'Origin of the calibration.';
 
 CREATE TABLE IF NOT EXISTS diagnostics (
     recording_id VARCHAR,
@@ -461,16 +465,16 @@ CREATE TABLE IF NOT EXISTS diagnostics (
     end_time_ns  BIGINT,
     count        BIGINT NOT NULL
 );
-COMMENT ON TABLE diagnostics IS 'One row for everything in the input that was refused, assumed, repaired or lost.';
-COMMENT ON COLUMN diagnostics.recording_id IS 'The recording; NULL where the file is none.';
-COMMENT ON COLUMN diagnostics.run_id IS 'The run that met it.';
+COMMENT ON TABLE diagnostics IS 'One row for each thing in the input that was refused, assumed, repaired or lost.';
+COMMENT ON COLUMN diagnostics.recording_id IS 'The recording; NULL where the file is no recording.';
+COMMENT ON COLUMN diagnostics.run_id IS 'The run that found it.';
 COMMENT ON COLUMN diagnostics.file_name IS 'Name of the file.';
 COMMENT ON COLUMN diagnostics.severity IS 'info, warning (a value was refused or assumed) or error (data were lost).';
-COMMENT ON COLUMN diagnostics.code IS 'A stable word for the kind of thing.';
-COMMENT ON COLUMN diagnostics.message IS 'What happened and what was done about it.';
+COMMENT ON COLUMN diagnostics.code IS 'A word for the kind of diagnostic that does not change between versions.';
+COMMENT ON COLUMN diagnostics.message IS 'Text: the cause, the effect, and what to do.';
 COMMENT ON COLUMN diagnostics.camera IS 'The camera.';
 COMMENT ON COLUMN diagnostics.topic IS 'The topic.';
-COMMENT ON COLUMN diagnostics.byte_offset IS 'Where in the file.';
-COMMENT ON COLUMN diagnostics.log_time_ns IS 'When, or the start of the time that is affected.';
-COMMENT ON COLUMN diagnostics.end_time_ns IS 'The end of the time that is affected.';
-COMMENT ON COLUMN diagnostics.count IS 'How many times it happened.';
+COMMENT ON COLUMN diagnostics.byte_offset IS 'Offset in the file, bytes.';
+COMMENT ON COLUMN diagnostics.log_time_ns IS 'Time, or the start of the time that is affected, nanoseconds since 1970 UTC.';
+COMMENT ON COLUMN diagnostics.end_time_ns IS 'End of the time that is affected, nanoseconds since 1970 UTC.';
+COMMENT ON COLUMN diagnostics.count IS 'Number of times that it happened.';

@@ -10,12 +10,13 @@ import pytest
 
 from pipeline.cli.query import answer
 from pipeline.cluster.manifest import read_manifests
+from pipeline.cluster.results_folder import merge, open_shared
 from pipeline.cluster.shared_run import run_shared
 from pipeline.core.config import Config
 from pipeline.core.errors import StadimeterError, StoreError
 from pipeline.run.recordings import run
-from pipeline.store.database import RECORDING_TABLES, Store
-from pipeline.store.parquet import merge, open_shared
+from pipeline.store.columns import RECORDING_TABLES
+from pipeline.store.database import Store
 from tests.run.test_recordings import LEVEL, write_people
 from tests.support.tables import assert_same, everything
 

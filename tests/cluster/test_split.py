@@ -24,7 +24,7 @@ from tests.run.test_recordings import CAMERA, INTRINSICS, START_NS, jpeg
 
 
 def write_crossings(path: Path, seconds: int, *, named: bool = False) -> None:
-    """People who cross, one after another, two at a time, two frames a second; the lens is told once."""
+    """People who cross, two at a time, two frames a second; the lens data come once, at the start."""
     picture = jpeg()
     with RecordingWriter(path) as writer:
         lens = calibration_message(INTRINSICS, START_NS, CAMERA)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.core.calibration import Calibration, Dimension, Method, Parameter
+from pipeline.core.calibration import CalibratedMethod, Calibration, Dimension, Parameter
 from pipeline.core.camera_file import merge, write_camera_file
 from pipeline.core.config import (
     ADULT,
@@ -29,7 +29,7 @@ text = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 parameters = st.builds(Parameter, text, finite, unknown, unknown)
 calibrations = st.builds(
     Calibration,
-    st.sampled_from(list(Method)),
+    st.sampled_from(list(CalibratedMethod)),
     text,
     st.sampled_from(list(Dimension)),
     st.lists(parameters, max_size=3).map(tuple),
@@ -120,7 +120,7 @@ parameters = [
 
 def size_of(value: float, object_class: str = "staff") -> Calibration:
     return Calibration(
-        Method.SIZE, object_class, Dimension.WIDTH, (Parameter("object_size_m", value),)
+        CalibratedMethod.SIZE, object_class, Dimension.WIDTH, (Parameter("object_size_m", value),)
     )
 
 

@@ -10,12 +10,17 @@ import pyarrow as pa
 
 from pipeline.core.records import GroundPlane, Intrinsics
 from pipeline.core.tables import CAMERAS, FRAMES, OBSERVATIONS
-from pipeline.estimate.types import Measured
+from pipeline.estimate.types import Estimated, Measured
 from pipeline.optics.ground_plane import project_person
 from pipeline.optics.pinhole import PinholeCamera
 from pipeline.optics.silhouette import mean_reach, silhouette_rows, steepness
 
 VGA = Intrinsics(1280, 720, 1200.0, 1190.0, 640.0, 350.0)
+
+
+def estimates(count: int, **fields: Any) -> Estimated:
+    """Return estimates of which nothing but these fields, (count,) each, is known."""
+    return replace(Estimated.unknown(count), **fields)
 
 
 def measured(bbox: np.ndarray, **changes: Any) -> Measured:

@@ -4,17 +4,18 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline.core.calibration import Calibration, Dimension, Method, Parameter
+from pipeline.core.calibration import CalibratedMethod, Calibration, Dimension, Parameter
 from pipeline.core.config import ADULT, Config, SizePrior
 from pipeline.core.records import GroundPlane
 from pipeline.core.tables import CALIBRATIONS, ESTIMATES, TRACK_HEIGHTS
-from pipeline.estimate.estimate_tracks import calibrations_table, estimate
+from pipeline.estimate.estimate_tracks import estimate
 from pipeline.estimate.gait import GAIT_DROP_M
+from pipeline.estimate.tables import calibrations_table
 from tests.estimate.scenes import lens, outlined, people, tables
 
 PLANE = GroundPlane(6.0, 0.2, 0.0, np.diag([0.1, 0.01, 0.01]) ** 2)
 K = Calibration(
-    Method.APERTURE,
+    CalibratedMethod.APERTURE,
     "person",
     Dimension.WIDTH,
     (Parameter("k", 0.66, 0.01, 2.8), Parameter("k", 0.95, 0.01, 4.0)),

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.calibration import Method
 from pipeline.core.config import ADULT
 from pipeline.estimate.track_heights import track_heights
-from pipeline.estimate.types import Estimated, Measured
+from pipeline.estimate.types import Measured
+from tests.estimate.scenes import estimates
 
 
 def columns(heights: list[np.ndarray], common_m: float, class_name: str = "person"):
@@ -35,18 +35,20 @@ def columns(heights: list[np.ndarray], common_m: float, class_name: str = "perso
         intrinsics=None,
         ground_plane=None,
     )
-    estimated = Estimated(count)
-    estimated.depth_m = np.full(count, 10.0)
-    estimated.height_m = np.concatenate(heights)
-    estimated.height_std_m = np.hypot(np.full(count, 0.03), common_m)
-    estimated.height_common_std_m = np.full(count, common_m)
+    estimated = estimates(
+        count,
+        depth_m=np.full(count, 10.0),
+        height_m=np.concatenate(heights),
+        height_std_m=np.hypot(np.full(count, 0.03), common_m),
+        height_common_std_m=np.full(count, common_m),
+    )
     return measured, estimated
 
 
 def heights_of(
     heights: list[np.ndarray], common_m: float = 0.0, name: str = "person"
 ) -> dict[str, list]:
-    return track_heights(*columns(heights, common_m, name), Method.GROUND, [ADULT]).to_pydict()
+    return track_heights(*columns(heights, common_m, name), "ground", [ADULT]).to_pydict()
 
 
 def test_independent_frames_average_out_and_what_they_share_does_not() -> None:
@@ -76,5 +78,5 @@ def test_what_one_person_cannot_be_is_marked() -> None:
 
 
 def test_nothing_is_said_of_classes_without_a_prior() -> None:
-    table = track_heights(*columns([np.full(9, 4.0)], 0.0, "truck"), Method.GROUND, [ADULT])
+    table = track_heights(*columns([np.full(9, 4.0)], 0.0, "truck"), "ground", [ADULT])
     assert table["height_plausible"].to_pylist() == [None]

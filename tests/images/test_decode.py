@@ -1,4 +1,4 @@
-"""Decoding: sizes, brightness, and bytes that mean harm."""
+"""Decoding: sizes, brightness, and hostile bytes."""
 
 from __future__ import annotations
 

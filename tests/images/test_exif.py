@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
+from pipeline.core.config import CameraConfig
 from pipeline.core.exposure import Exposure
+from pipeline.core.lens import lens_of
 from pipeline.images.exif import exif_block, exposure_of, read_tags
 
 SIZE = (600, 400)
@@ -23,6 +25,7 @@ def photo(kind: str = "jpeg", /, **values: object) -> bytes:
         "ExposureTime": 0x829A,
         "FNumber": 0x829D,
         "ISO": 0x8827,
+        "Brightness": 0x9203,
         "ExposureBias": 0x9204,
         "SubjectDistance": 0x9206,
         "FocalLength": 0x920A,
@@ -88,9 +91,22 @@ def test_conventions_of_the_subject_distance(written: tuple[int, int], expected:
 
 def test_the_pitch_by_the_focal_length_for_35_mm_film() -> None:
     found = exposure(photo(FocalLength=IFDRational(43, 10), Focal35=26))
-    focal_px = found.focal_length_mm * 1e3 / found.pixel_pitch_x_um
+    lens = lens_of(found, CameraConfig("phone"), None, *SIZE)
+    focal_px = lens.focal_length_mm * 1e3 / lens.pixel_pitch_x_um
     half_diagonal = math.atan(math.hypot(*SIZE) / 2 / focal_px)
     assert half_diagonal == pytest.approx(math.atan(math.hypot(36, 24) / 2 / 26))
+
+
+@pytest.mark.parametrize(
+    ("written", "expected"),
+    [((5, 2), 2.5), ((0, 1), 0.0), ((-7, 2), -3.5), ((-1, 100), math.nan), ((0, 0), math.nan)],
+)
+def test_brightness_is_signed_and_unknown_by_its_numerator(
+    written: tuple[int, int], expected: float
+) -> None:
+    found = exposure(photo(FNumber=IFDRational(4), Brightness=IFDRational(*written)))
+    assert found.brightness_ev == pytest.approx(expected, nan_ok=True)
+    assert found.f_number == 4
 
 
 def test_the_resolution_of_a_picture_that_was_shrunk_is_not_believed() -> None:

@@ -1,4 +1,4 @@
-"""Pictures that would cost far more than they seem to: refused by their headers."""
+"""Pictures that would need far more memory than their size: refused by their headers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bare pixels: every encoding against OpenCV's own conversion of the same picture, and bad claims."""
+"""Raw pixels: every encoding against OpenCV's own conversion of the same picture, and wrong sizes."""
 
 from __future__ import annotations
 

@@ -65,6 +65,40 @@ def test_pixel_pitch_is_that_of_the_stored_picture() -> None:
     assert (found.cx_px, source) == (749.5, "lens_data")
 
 
+@pytest.mark.parametrize("focal_length_mm", [4.3, np.nan])
+def test_the_focal_length_for_35_mm_film_gives_the_angles(focal_length_mm: float) -> None:
+    """The same angle across the diagonal (43.27 mm) as before film; a phone's 26 mm sees 79.5 degrees."""
+    exposure = replace(UNKNOWN_EXPOSURE, focal_length_mm=focal_length_mm, focal_length_35mm_mm=26.0)
+    lens = lens_of(exposure, CameraConfig("c"), None, 4000, 3000)
+    assert lens.by_equivalent
+    # The sensor's diagonal, of 5000 pixels, is 43.27 mm * 4.3 / 26 = 7.156 mm.
+    expected_um = 1.4312 if focal_length_mm == 4.3 else np.nan
+    assert lens.pixel_pitch_x_um == pytest.approx(expected_um, rel=1e-4, nan_ok=True)
+    found, source, _ = intrinsics_of(None, CameraConfig("c"), lens, 4000, 3000)
+    assert found is not None
+    assert source == "lens_data"
+    assert np.degrees(2 * np.arctan(2500 / found.fx_px)) == pytest.approx(79.5, abs=0.1)
+
+
+def test_a_stated_pitch_and_a_calibration_go_before_the_equivalent_a_camera_file_after() -> None:
+    exposure = replace(UNKNOWN_EXPOSURE, focal_length_mm=4.3, focal_length_35mm_mm=26.0)
+    file = CameraConfig("c", pixel_pitch_x_um=9.0, pixel_pitch_y_um=9.0)
+    assert lens_of(exposure, file, None, 4000, 3000).pixel_pitch_x_um == pytest.approx(
+        1.431, abs=1e-3
+    )
+    calibrated = lens_of(exposure, CameraConfig("c"), RECORDED, 640, 480)
+    assert calibrated.pixel_pitch_x_um == pytest.approx(4.3e3 / RECORDED.fx_px)
+    stated = lens_of(replace(exposure, pixel_pitch_x_um=1.4), file, None, 4000, 3000)
+    assert stated.pixel_pitch_x_um == 1.4
+    assert not calibrated.by_equivalent
+    assert not stated.by_equivalent
+
+
+def test_an_impossible_pitch_by_the_equivalent_is_not_used() -> None:
+    exposure = replace(UNKNOWN_EXPOSURE, focal_length_mm=5000.0, focal_length_35mm_mm=1.0)
+    assert np.isnan(lens_of(exposure, CameraConfig("c"), None, 640, 480).pixel_pitch_x_um)
+
+
 def test_lens_data_that_contradict_the_calibration_are_told() -> None:
     exposure = replace(UNKNOWN_EXPOSURE, focal_length_mm=50.0, pixel_pitch_x_um=3.9)
     lens = lens_of(exposure, CameraConfig("c"), RECORDED, 640, 480)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.core.calibration import Dimension, Method
+from pipeline.core.calibration import CalibratedMethod, Dimension
 from pipeline.core.config import load_config
 from recordings.fit_staff import B0_M, B1_M_MM, consistent_rows, figures
 from tests.recordings.conftest import RECORDINGS
@@ -33,7 +33,11 @@ def test_street_file_is_read():
 def test_all_belong_to_the_staff(config, calibrations):
     assert [c.name for c in config.camera] == ["nikon_d5300"]
     assert config.camera[0].focal_length_mm == 50
-    assert set(calibrations) == {Method.APERTURE, Method.INVERSE, Method.SIZE}
+    assert set(calibrations) == {
+        CalibratedMethod.APERTURE,
+        CalibratedMethod.INVERSE,
+        CalibratedMethod.SIZE,
+    }
     for c in config.calibration:
         assert (c.camera, c.object_class) == ("nikon_d5300", "levelling_staff")
         assert c.dimension is Dimension.WIDTH
@@ -42,7 +46,7 @@ def test_all_belong_to_the_staff(config, calibrations):
 
 
 def test_aperture_is_table_8(calibrations, table_8, computed):
-    c = calibrations[Method.APERTURE]
+    c = calibrations[CalibratedMethod.APERTURE]
     assert {p.f_number: p.value for p in c.parameters} == table_8
     assert c.observation_count == computed["observation_count"] == 34
     assert c.residual_std_m == pytest.approx(computed["aperture.rmse_m"], rel=1e-3)
@@ -50,7 +54,7 @@ def test_aperture_is_table_8(calibrations, table_8, computed):
 
 
 def test_inverse_is_eq_17_in_si_units(calibrations, computed):
-    c = calibrations[Method.INVERSE]
+    c = calibrations[CalibratedMethod.INVERSE]
     o_cm = 0.42
     depth_m = c.value("b0_m") + c.value("b1_m_mm") / (o_cm * 10)
     assert depth_m == pytest.approx((1.221 + 24.910 / o_cm) / 100)
@@ -62,7 +66,7 @@ def test_inverse_is_eq_17_in_si_units(calibrations, computed):
 
 
 def test_size_is_the_fit(calibrations, computed):
-    c = calibrations[Method.SIZE]
+    c = calibrations[CalibratedMethod.SIZE]
     for name in ("residual_std_m", "fit_rmse_m", "loo_rmse_m"):
         assert getattr(c, name) == pytest.approx(computed[f"size.{name}"], rel=1e-3)
     assert c.value("object_size_m") == pytest.approx(computed["size.object_size_m"], rel=1e-3)

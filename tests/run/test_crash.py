@@ -1,4 +1,4 @@
-"""Runs that are killed, disks that are full, a second writer: what was committed is there, whole."""
+"""Killed runs, full disks, a second writer: all that was committed is there, whole."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ import duckdb
 import numpy as np
 import pytest
 
-from pipeline.store.database import RECORDING_TABLES, Store
+from pipeline.store.columns import RECORDING_TABLES
+from pipeline.store.database import Store
 from tests.cli.test_commands import ROOT, stadimeter
 from tests.run.test_recordings import write_people
 

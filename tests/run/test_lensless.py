@@ -15,6 +15,8 @@ from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recordings import describe
 from pipeline.store.database import Store
 from pipeline.store.parquet_parts import PartWriter, as_table
+from pipeline.store.recordings import replace_recording
+from pipeline.store.runs import start_run
 from tests.run.test_pass_two import full
 from tests.store.rows import recording
 
@@ -82,9 +84,9 @@ def test_lens_and_pose_are_found_stored_and_written(tmp_path: Path) -> None:
     true_px = write(tmp_path / "parts")
     database, file = tmp_path / "a.duckdb", tmp_path / "camera.toml"
     with Store.open(database) as store:
-        run_id = store.start_run("run", None, describe(Config()), "", "")
+        run_id = start_run(store, "run", None, describe(Config()), "", "")
         with store.transaction():
-            key = store.ingest(recording(), tmp_path / "parts", run_id)
+            key = replace_recording(store, recording(), tmp_path / "parts", run_id)
             estimate_recording(store, key, run_id, "a.mcap", Config())
         (camera,) = store.read("cameras", key).to_pylist()
         codes = store.query("SELECT code FROM diagnostics").to_pandas()["code"].tolist()
@@ -104,7 +106,7 @@ def test_lens_and_pose_are_found_stored_and_written(tmp_path: Path) -> None:
     assert written.cx_px == (WIDTH_PX - 1) / 2
 
     with Store.open(database) as store:
-        run_id = store.start_run("estimate", None, describe(Config()), "", "")
+        run_id = start_run(store, "estimate", None, describe(Config()), "", "")
         with store.transaction():
             estimate_recording(store, key, run_id, "a.mcap", load_config(file))
         (again,) = store.read("cameras", key).to_pylist()

@@ -17,6 +17,8 @@ from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recordings import describe
 from pipeline.store.database import Store
 from pipeline.store.parquet_parts import PartWriter, as_table
+from pipeline.store.recordings import replace_recording
+from pipeline.store.runs import start_run
 from tests.store.rows import recording
 
 FOCAL_MM = 50.0
@@ -52,7 +54,7 @@ def blur_px(depth_m: np.ndarray, frame: np.ndarray) -> np.ndarray:
 
 
 def street(camera: str, blurred: float) -> pd.DataFrame:
-    """Return who walks before a camera, boards that stand still, and feet that are not in the picture."""
+    """Return people who walk, boards that stand still, and people whose feet are outside the picture."""
     rng = np.random.default_rng(4)
     rows = walkers(rng, 0, 0.0, 48.0).to_pandas()
     rows = rows[rows["frame_index"] % EVERY == 0]
@@ -157,9 +159,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[int, dict[str, pd.Dat
 
 
 def estimated(store: Store, parts: Path, config: Config, batch: int) -> dict[str, pd.DataFrame]:
-    run_id = store.start_run("run", None, describe(config), "", "")
+    run_id = start_run(store, "run", None, describe(config), "", "")
     with store.transaction():
-        key = store.ingest(recording(), parts, run_id)
+        key = replace_recording(store, recording(), parts, run_id)
         estimate_recording(store, key, run_id, "a.mcap", config, batch)
     return {
         table: store.query(

@@ -24,7 +24,8 @@ from pipeline.mcap_file.writer import (
 )
 from pipeline.optics.silhouette import mean_reach
 from pipeline.run.recordings import estimate_again, run
-from pipeline.store.database import RecordingRow, Store
+from pipeline.store.database import Store
+from pipeline.store.recordings import RecordingRow
 from schemas.stadimeter_pb2 import Detections, GroundTruth
 from tests.support.tables import assert_same, everything
 

@@ -1,4 +1,4 @@
-"""The generated messages are those of the schema that people read."""
+"""The generated messages agree with the schema file."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ F_NUMBERS = (1.8, 2.8, None)
 
 
 def populate(store: Store, folder: Path, seed: int = 1, recordings: int = 2) -> pd.DataFrame:
-    """Fill a store with one run over recordings; return one row an estimate, NaN for NULL."""
+    """Fill a store with one run over recordings; return one row for each estimate, NaN for NULL."""
     rng = np.random.default_rng(seed)
     run_id = start(store, "first")
     frames = [
@@ -75,7 +75,7 @@ def _recording(
 
 
 def _scene(rng: np.random.Generator) -> pd.DataFrame:
-    """Tracks of two cameras, a frame an observation; some truths are unknown."""
+    """Tracks of two cameras, one frame for each observation; some truths are unknown."""
     count = 240
     track = np.sort(rng.integers(0, 12, count))
     depth = rng.uniform(2, 40, 12)[track] + rng.normal(0, 1, count)

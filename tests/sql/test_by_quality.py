@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.core.tables import CALIBRATIONS, ESTIMATES, OBSERVATION_QUALITY, TRACK_HEIGHTS
 from pipeline.store.database import Store
-from tests.store.rows import ingest, recording, start, table
+from tests.store.rows import ingest, recording, start, table, write_estimates
 
 GOOD = [True] * 5
 
@@ -40,7 +40,8 @@ def test_flags_are_told_apart_and_the_first_one_counts(store: Store, tmp_path: P
         "aspect_plausible": [True, True, True, True, False],
     }
     with store.transaction():
-        store.write_estimates(
+        write_estimates(
+            store,
             key,
             run_id,
             table(ESTIMATES, estimates),
@@ -73,6 +74,6 @@ def test_estimating_again_replaces_the_runs_own_judgement_only(
     for run_id, quality in ((first, 0.4), (second, 0.6), (second, 0.7)):
         judged = table(OBSERVATION_QUALITY, {"observation_index": [0], "quality": [quality]})
         with store.transaction():
-            store.write_estimates(key, run_id, *empty, judged)
+            write_estimates(store, key, run_id, *empty, judged)
     rows = store.query("SELECT run_id, quality FROM observation_quality").to_pylist()
     assert {(r["run_id"], r["quality"]) for r in rows} == {(first, 0.4), (second, 0.7)}

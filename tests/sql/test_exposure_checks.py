@@ -12,7 +12,8 @@ from pipeline.core.tables import CALIBRATIONS, ESTIMATES, OBSERVATION_QUALITY, T
 from pipeline.run.exposure_notes import exposure_notes
 from pipeline.store.database import Store
 from pipeline.store.exposure_rows import exposure_verdicts
-from tests.store.rows import ingest, recording, start, table
+from pipeline.store.recordings import list_recordings
+from tests.store.rows import ingest, recording, start, table, write_estimates
 
 FRAMES = 40
 
@@ -90,7 +91,7 @@ def _clip(values: np.ndarray) -> np.ndarray:
 def test_without_an_exposure_time_nothing_is_said(store: Store, tmp_path: Path) -> None:
     rows = exposed(store, tmp_path, exposure_time_s=lambda v: v * np.nan)
     assert {row["verdict"] for row in rows} == {None}
-    assert exposure_notes(store.exposure_verdicts(_id(store))) == []
+    assert exposure_notes(exposure_verdicts(store, _id(store))) == []
 
 
 def test_a_constant_that_a_camera_never_tells_is_no_matter(store: Store, tmp_path: Path) -> None:
@@ -101,14 +102,14 @@ def test_a_constant_that_a_camera_never_tells_is_no_matter(store: Store, tmp_pat
 
 def test_verdicts_become_diagnostics(store: Store, tmp_path: Path) -> None:
     exposed(store, tmp_path, f_number=at(17, 2.0))
-    (note,) = exposure_notes(store.exposure_verdicts(_id(store)))
+    (note,) = exposure_notes(exposure_verdicts(store, _id(store)))
     assert (note.code, note.count, note.camera) == ("exposure_departs", 1, "cam")
     assert "2.0 stops" in note.message
     assert "frame 17" in note.message
 
 
 def _id(store: Store) -> str:
-    return str(store.recordings().to_pylist()[0]["recording_id"])
+    return str(list_recordings(store).to_pylist()[0]["recording_id"])
 
 
 def test_the_effect_of_exposure_is_a_regression(store: Store, tmp_path: Path) -> None:
@@ -141,7 +142,8 @@ def test_the_effect_of_exposure_is_a_regression(store: Store, tmp_path: Path) ->
         "method": ["size"] * n,
     }
     with store.transaction():
-        store.write_estimates(
+        write_estimates(
+            store,
             key,
             run_id,
             table(ESTIMATES, estimates),
@@ -179,9 +181,9 @@ def test_stretches_say_what_the_whole_says(store: Store, tmp_path: Path, stretch
         """
     ).to_pylist()
     assert [row["verdict"] for row in expected] == ["clipped", "departs", "steps"]
-    assert exposure_verdicts(store._connection, key, stretch).to_pylist() == expected
-    assert store.exposure_verdicts(key).to_pylist() == expected
+    assert exposure_verdicts(store, key, stretch).to_pylist() == expected
+    assert exposure_verdicts(store, key).to_pylist() == expected
 
 
 def test_what_is_not_there_has_no_verdict(store: Store) -> None:
-    assert store.exposure_verdicts("nothing").num_rows == 0
+    assert exposure_verdicts(store, "nothing").num_rows == 0

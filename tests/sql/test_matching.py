@@ -189,8 +189,8 @@ def test_stretches_of_frames_say_what_the_whole_says(store: Store, tmp_path: Pat
     assert pairs(whole) == {(1, "c", "overlap"), (2, "b", "overlap"), (3, "c", "overlap")}
     for stretch in (1, 2, 4):
         with store.transaction():
-            store._connection.execute("DELETE FROM matches")
-            add_matches(store._connection, key, stretch)
+            store.connection.execute("DELETE FROM matches")
+            add_matches(store, key, stretch)
         assert store.read("matches", key).to_pylist() == whole
 
 

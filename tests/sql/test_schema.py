@@ -85,3 +85,12 @@ def test_without_truth_there_is_nothing_to_say(store: Store) -> None:
             assert store.query(f"FROM {view.name}").num_rows == 0, view.name
     for name in ("depth_by_aperture", "k_by_aperture", "real_height", "inverse_model_summary"):
         assert store.query(f"FROM paper.{name}").num_rows == 0
+
+
+def test_views_explain_a_column_as_the_table_it_is_from(store: Store) -> None:
+    """Several tables have `method`; that of estimates is not one of calibrations'."""
+    by_name = {v.name: dict(zip(v.columns, v.column_comments, strict=False)) for v in store.views()}
+    shown, estimates = by_name["current_estimates"], by_name["estimates"]
+    for column in ("method", "calibration_id", "depth_m", "height_m"):
+        assert shown[column] == estimates[column], column
+    assert shown["frame_index"] == by_name["frames"]["frame_index"]

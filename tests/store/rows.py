@@ -11,7 +11,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.core.tables import CALIBRATIONS, ESTIMATES, PASS_ONE, TRACK_HEIGHTS
-from pipeline.store.database import RecordingRow, Store
+from pipeline.store.database import Store
+from pipeline.store.estimates import add_calibrations, add_estimates, forget_estimates
+from pipeline.store.recordings import RecordingRow, replace_recording
+from pipeline.store.runs import start_run
 
 Columns = Mapping[str, Sequence[Any]]
 
@@ -91,14 +94,32 @@ def write_parts(folder: Path, **tables: Columns) -> Path:
 
 def start(store: Store, label: str | None = None) -> str:
     """Start a run."""
-    return store.start_run("run", label, "{}", "{}", "0.test")
+    return start_run(store, "run", label, "{}", "{}", "0.test")
 
 
 def ingest(store: Store, run_id: str, folder: Path, row: RecordingRow, **tables: Columns) -> str:
     """Write parts and take them in, in one transaction."""
     write_parts(folder, **tables)
     with store.transaction():
-        return store.ingest(row, folder, run_id)
+        return replace_recording(store, row, folder, run_id)
+
+
+def write_estimates(
+    store: Store,
+    recording_id: str,
+    run_id: str,
+    estimates: pa.Table,
+    track_heights: pa.Table,
+    calibrations: pa.Table,
+    quality: pa.Table | None = None,
+) -> None:
+    """Replace the estimates of a recording in a run; call inside a transaction."""
+    made = {"estimates": estimates, "track_heights": track_heights}
+    if quality is not None:
+        made["observation_quality"] = quality
+    forget_estimates(store, recording_id, run_id)
+    add_estimates(store, recording_id, run_id, made)
+    add_calibrations(store, calibrations, run_id)
 
 
 def estimate(
@@ -111,7 +132,8 @@ def estimate(
 ) -> None:
     """Store estimates, in one transaction."""
     with store.transaction():
-        store.write_estimates(
+        write_estimates(
+            store,
             recording_id,
             run_id,
             table(ESTIMATES, estimates),

@@ -10,6 +10,7 @@ import pytest
 
 from pipeline.core.errors import StoreError
 from pipeline.store.database import Store
+from pipeline.store.recordings import list_recordings
 
 
 def test_reading_what_is_not_there(tmp_path: Path) -> None:
@@ -92,7 +93,7 @@ def test_a_database_in_use_names_the_user(path: Path, read_only: bool) -> None:
 
 def test_a_missing_folder_is_made(tmp_path: Path) -> None:
     with Store.open(tmp_path / "deep" / "er" / "a.duckdb") as store:
-        assert store.recordings().num_rows == 0
+        assert list_recordings(store).num_rows == 0
 
 
 def test_one_process_does_not_read_and_write_at_once(path: Path) -> None:

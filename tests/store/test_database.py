@@ -11,7 +11,11 @@ import pytest
 from pipeline.core.errors import StoreError, UsageError
 from pipeline.core.records import Diagnostic, Severity
 from pipeline.core.tables import PASS_ONE
-from pipeline.store.database import RECORDING_TABLES, Store
+from pipeline.store.columns import RECORDING_TABLES
+from pipeline.store.database import Store
+from pipeline.store.estimates import read_current
+from pipeline.store.recordings import add_diagnostics, list_recordings, replace_recording
+from pipeline.store.runs import finish_run
 from tests.store.rows import estimate, ingest, recording, start, table, write_parts
 
 TWO = {
@@ -35,7 +39,7 @@ def test_what_pass_one_wrote_comes_back_sorted(store: Store, tmp_path: Path) -> 
     observations = store.read("observations", key)
     assert observations["observation_index"].to_pylist() == [0, 1]
     assert observations.drop_columns("recording_id").schema == PASS_ONE["observations"]
-    assert store.recordings()["file_name"].to_pylist() == ["a.mcap"]
+    assert list_recordings(store)["file_name"].to_pylist() == ["a.mcap"]
     assert counts(store)["matches"] == 2
 
 
@@ -46,7 +50,7 @@ def test_parts_in_several_files_are_one_table(store: Store, tmp_path: Path) -> N
         rows = table(PASS_ONE["frames"], {"frame_index": [index]})
         pq.write_table(rows, folder / f"frames-{index:04d}.parquet")
     with store.transaction():
-        key = store.ingest(recording(), folder, start_in(store))
+        key = replace_recording(store, recording(), folder, start_in(store))
     assert store.read("frames", key)["frame_index"].to_pylist() == [0, 1]
 
 
@@ -60,7 +64,7 @@ def test_a_missing_part_is_an_error_and_nothing_is_kept(store: Store, tmp_path: 
     folder = write_parts(tmp_path / "p", **TWO)
     (folder / "ground_truth.parquet").unlink()
     with pytest.raises(StoreError, match="left no ground_truth"), store.transaction():
-        store.ingest(recording(), folder, run_id)
+        replace_recording(store, recording(), folder, run_id)
     assert counts(store) == {**dict.fromkeys(counts(store), 0), "runs": 1}
 
 
@@ -73,7 +77,7 @@ def test_the_same_content_replaces_itself_under_any_name(store: Store, tmp_path:
     again = ingest(store, second, tmp_path / "p", recording("b.mcap", "same"), **TWO)
     assert again == key
     assert counts(store) == {**before, "estimates": 0, "track_heights": 0}
-    assert store.recordings()["file_name"].to_pylist() == ["b.mcap"]
+    assert list_recordings(store)["file_name"].to_pylist() == ["b.mcap"]
 
 
 def test_other_recordings_are_left_alone(store: Store, tmp_path: Path) -> None:
@@ -124,8 +128,8 @@ def test_estimates_of_a_run_are_replaced_and_runs_kept_apart(store: Store, tmp_p
     for run_id, depth_m in ((one, 1.0), (two, 2.0), (two, 3.0)):
         estimate(store, key, run_id, {"depth_m": [depth_m]}, {"height_m": [depth_m]})
     assert sorted(store.read("estimates", key)["depth_m"].to_pylist()) == [1.0, 3.0]
-    assert store.read_current("estimates", key)["depth_m"].to_pylist() == [3.0]
-    assert store.read_current("track_heights", key)["height_m"].to_pylist() == [3.0]
+    assert read_current(store, "estimates", key)["depth_m"].to_pylist() == [3.0]
+    assert read_current(store, "track_heights", key)["height_m"].to_pylist() == [3.0]
 
 
 def test_a_calibration_is_entered_once_a_run(store: Store, tmp_path: Path) -> None:
@@ -146,15 +150,15 @@ def test_a_calibration_is_entered_once_a_run(store: Store, tmp_path: Path) -> No
 
 def ingest_and_fail(store: Store, run_id: str, folder: Path) -> None:
     with store.transaction():
-        store.ingest(recording(), folder, run_id)
+        replace_recording(store, recording(), folder, run_id)
         raise ZeroDivisionError
 
 
 def ingest_and_carry_on(store: Store, run_id: str, good: Path, bad: Path) -> None:
     with store.transaction():
-        store.ingest(recording(), good, run_id)
+        replace_recording(store, recording(), good, run_id)
         with suppress(duckdb.Error):
-            store.ingest(recording("b.mcap"), bad, run_id)
+            replace_recording(store, recording("b.mcap"), bad, run_id)
 
 
 def test_an_error_rolls_everything_back(store: Store, tmp_path: Path) -> None:
@@ -196,7 +200,7 @@ def test_hostile_names_are_data(store: Store, tmp_path: Path) -> None:
     estimate(store, key, run_id, {"depth_m": [2.5], "method": [camera]})
     with store.transaction():
         note = Diagnostic(Severity.ERROR, camera, camera, camera=camera, topic=camera)
-        store.add_diagnostics([note], None, run_id, camera)
+        add_diagnostics(store, [note], None, run_id, camera)
     assert store.query("SELECT camera FROM accuracy.by_camera")["camera"].to_pylist() == [camera]
     assert store.query("FROM accuracy.compare_runs($$'; DROP$$, $$x$$)").num_rows == 0
     assert counts(store)["runs"] == 1
@@ -208,8 +212,8 @@ def test_hostile_names_are_data(store: Store, tmp_path: Path) -> None:
 def test_diagnostics_of_a_file_that_is_no_recording(store: Store) -> None:
     run_id = start(store)
     with store.transaction():
-        store.add_diagnostics(
-            [Diagnostic(Severity.ERROR, "unreadable_file", "empty")], None, run_id, "x.mcap"
+        add_diagnostics(
+            store, [Diagnostic(Severity.ERROR, "unreadable_file", "empty")], None, run_id, "x.mcap"
         )
     row = store.query("FROM diagnostics").to_pylist()[0]
     assert (row["recording_id"], row["file_name"], row["count"]) == (None, "x.mcap", 1)
@@ -218,7 +222,7 @@ def test_diagnostics_of_a_file_that_is_no_recording(store: Store) -> None:
 def test_runs_have_a_beginning_and_an_end(store: Store) -> None:
     run_id = start(store, "night")
     assert store.query("SELECT finished_at FROM runs")["finished_at"].null_count == 1
-    store.finish_run(run_id)
+    finish_run(store, run_id)
     row = store.query("SELECT *, finished_at >= started_at AS ordered FROM runs").to_pylist()[0]
     assert (row["run_id"], row["label"], row["ordered"]) == (run_id, "night", True)
     assert len(run_id) == 12

@@ -1,4 +1,4 @@
-"""An older database is brought up to date when it is written, and when our own pages read it."""
+"""Older databases are upgraded when they are written, and when report or timeline read them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 
 from pipeline.core.records import Diagnostic, Severity
 from pipeline.store.database import Store
+from pipeline.store.recordings import add_diagnostics
 
 NOTE = Diagnostic(Severity.INFO, "a_code", "a sentence")
 
@@ -44,7 +45,7 @@ def test_reading_for_ourselves_brings_it_up_to_date_first(older: Path) -> None:
     with Store.open_current(older) as store:
         assert store.query(CAMERAS).to_pylist() == BROUGHT
         with pytest.raises(duckdb.Error, match="read-only"):
-            store.add_diagnostics([], None, "r", "x")
+            add_diagnostics(store, [], None, "r", "x")
 
 
 def test_a_question_changes_nothing(older: Path) -> None:

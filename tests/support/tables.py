@@ -1,4 +1,4 @@
-"""All that a database or a folder of finished recordings says, to be compared with another."""
+"""All rows of a database or a folder of finished recordings, for comparison with another."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ from pipeline.calibrate.truth.regression import (
     rmse,
 )
 from pipeline.core.arrays import FloatArray, IntArray
-from pipeline.core.calibration import Calibration, Dimension, Method, Parameter
+from pipeline.core.calibration import CalibratedMethod, Calibration, Dimension, Parameter
 from pipeline.core.config import SizePrior
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.optics.aperture_size import K_BOUNDS, equivalent_object_size_m
@@ -36,7 +36,7 @@ from pipeline.optics.thin_lens import image_distance_mm
 
 BoolArray = npt.NDArray[np.bool_]
 
-METHODS = (Method.APERTURE, Method.SIZE, Method.INVERSE)
+METHODS = tuple(CalibratedMethod)
 FOLDS = 5
 # Fewer rows give a fit, but no honest spread about it.
 MIN_ROWS = 4
@@ -77,7 +77,7 @@ class Truth:
 
 def calibrate_from_truth(
     table: pa.Table,
-    methods: Sequence[Method] = METHODS,
+    methods: Sequence[CalibratedMethod] = METHODS,
     *,
     robust: bool = False,
     folds: int = FOLDS,
@@ -152,7 +152,7 @@ def prior_as_calibration(prior: SizePrior) -> Calibration:
     """Return a prior for the table `calibrations`, with the standard errors of a normal sample."""
     n = prior.object_count
     return Calibration(
-        Method.SIZE,
+        CalibratedMethod.SIZE,
         prior.object_class,
         prior.dimension,
         (
@@ -261,7 +261,7 @@ def _proportional(x: FloatArray, truth: Truth, robust: bool) -> Fit:
 
 def _calibrate(
     truth: Truth,
-    method: Method,
+    method: CalibratedMethod,
     robust: bool,
     folds: int,
     seed: int,
@@ -270,11 +270,11 @@ def _calibrate(
     """Return the calibration with its figures in and out of sample; None if not determined."""
 
     def fitter(t: Truth, robust: bool) -> DepthFit:
-        if method is Method.APERTURE:
+        if method is CalibratedMethod.APERTURE:
             return fit_k(t, robust, k_bounds)
-        return fit_size(t, robust) if method is Method.SIZE else fit_inverse(t, robust)
+        return fit_size(t, robust) if method is CalibratedMethod.SIZE else fit_inverse(t, robust)
 
-    if method is Method.APERTURE:
+    if method is CalibratedMethod.APERTURE:
         truth = truth.take(np.isfinite(truth.f_number))
     if len(truth) < MIN_ROWS:
         return None

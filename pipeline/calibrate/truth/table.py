@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.estimate.boxes.geometry import Geometry
-from pipeline.estimate.estimate_tracks import measured_by_camera
+from pipeline.estimate.tables import measured_by_camera
 
 _SCHEMA = pa.schema(
     [
@@ -51,7 +51,7 @@ def truth_table(
     names = [name for name in _TRUE if name in matches.column_names]
     index = matches["observation_index"].to_numpy()
     for measured in measured_by_camera(observations, frames, cameras, poses={}):
-        geometry = Geometry(measured)
+        geometry = Geometry.of(measured)
         rows = np.flatnonzero(np.isin(measured.observation_index, index))
         order = np.argsort(index, kind="stable")
         at = order[np.searchsorted(index[order], measured.observation_index[rows])]

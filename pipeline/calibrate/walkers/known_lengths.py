@@ -11,7 +11,7 @@ from pipeline.calibrate.walkers.upright_edges import Uprights, bend_std_of
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import SizePrior
 from pipeline.core.errors import UsageError
-from pipeline.estimate.boxes.geometry import camera_of
+from pipeline.estimate.boxes.ends import camera_of
 from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M
 from pipeline.estimate.types import Measured
 

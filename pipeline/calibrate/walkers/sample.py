@@ -198,13 +198,13 @@ def _ends(
     Which way somebody walks, and how they lean in the picture, is known once there is a pose.
     """
     count = len(measured)
-    geometry = Geometry(measured)
+    geometry = Geometry.of(measured)
     if plane is None:
         reach = np.full(count, mean_reach(np.tan(USUAL_TILT_RAD)))
         reach_std = np.full(count, UNKNOWN_REACH_STD)
         return geometry.foot, geometry.head, reach, reach_std, USUAL_TILT_RAD
     posed = replace(measured, ground_plane=plane)
-    leaning = Geometry(posed)
+    leaning = Geometry.of(posed)
     roll = plane.roll_rad
     foot, head = add_roll(leaning.foot, roll), add_roll(leaning.head, roll)
     return foot, head, *reach_of(posed, plane), plane.tilt_rad

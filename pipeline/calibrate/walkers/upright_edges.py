@@ -21,7 +21,7 @@ import numpy as np
 
 from pipeline.core.arrays import FloatArray
 from pipeline.core.records import Intrinsics
-from pipeline.estimate.boxes.geometry import camera_of
+from pipeline.estimate.boxes.ends import camera_of
 
 END_STD_PX = 0.5  # of an edge's ends, across
 # Posts, door frames and walls are upright to half a degree, old ones and trees to one or two.

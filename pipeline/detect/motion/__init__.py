@@ -1,1 +1,1 @@
-"""Motion."""
+"""Objects that move before a fixed camera."""

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.core.config import DetectConfig
+from pipeline.core.config import CameraConfig, DetectConfig
 from pipeline.core.records import Boxes, Expected, Frame
 from pipeline.detect.motion.background import Background, medians_of_5
 from pipeline.detect.motion.edges import Unshaded, ends_of
@@ -39,7 +39,7 @@ BoxArray = npt.NDArray[np.intp]
 
 
 class Foreground(NamedTuple):
-    """What differs from the background, (h, w) each."""
+    """Masks of the difference from the background, (h, w) each."""
 
     mask: Image  # 255 where bodies are, shadows taken out
     raw: Image  # the same with shadows
@@ -49,7 +49,7 @@ class Foreground(NamedTuple):
 
 
 class Silhouettes(NamedTuple):
-    """What is in the foreground."""
+    """Objects in the foreground."""
 
     pieces: Pieces  # one person each
     whole: BoxArray  # of which all is seen, groups as one
@@ -60,6 +60,7 @@ class MotionDetector:
 
     name = "motion"
     full_resolution = False
+    runs_on_opencv = False
 
     def __init__(self, config: DetectConfig) -> None:
         self.learning_s = config.learning_s
@@ -259,3 +260,8 @@ def _score(differs: Image, mask: Image, box: Box) -> float:
     x0, y0, x1, y1 = box
     inside = cv2.mean(differs[y0:y1, x0:x1], mask=mask[y0:y1, x0:x1])[0]
     return float(min(inside / 64.0, 1.0))
+
+
+def make(config: DetectConfig, camera: CameraConfig) -> MotionDetector:
+    """Return the detector, for the table `DETECTORS`."""
+    return MotionDetector(config)

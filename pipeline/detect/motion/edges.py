@@ -1,4 +1,4 @@
-"""Where a silhouette ends, to a fraction of a pixel.
+"""Ends of a silhouette, to a fraction of a pixel.
 
 The mask says which rows a body reaches; the difference to the background says where within them. A
 sensor pixel that is half covered differs half as much, so an edge is where the difference falls through
@@ -51,7 +51,7 @@ _NEAR = np.ones((5, 3), np.uint8)  # what taking shadows out may have cost a foo
 
 
 class _Outline(NamedTuple):
-    """What the mask says of a silhouette, in whole pixels."""
+    """Edges of a silhouette by the mask, in whole pixels."""
 
     box: Box  # of the body, without specks
     trunk: slice  # the columns in which a body can be

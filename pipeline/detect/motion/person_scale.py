@@ -1,4 +1,4 @@
-"""How tall a person is in the picture, and so which silhouettes are parts of one.
+"""Height of a person in the picture, and so which silhouettes are parts of one.
 
 On flat ground, the height of a person in the picture is a linear function of where their feet are in it
 (both are in proportion to how far the feet are below the horizon, which a camera's roll tilts). It is
@@ -59,7 +59,7 @@ class PersonScale:
 
     @property
     def known(self) -> bool:
-        """Whether enough upright silhouettes agreed on a line."""
+        """Return whether enough upright silhouettes agreed on a line."""
         return self._plane is not None
 
     def height_px(self, foot_row: npt.ArrayLike, column: npt.ArrayLike) -> FloatArray:

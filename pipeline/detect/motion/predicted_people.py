@@ -1,4 +1,4 @@
-"""Whom the frames before know: where they must be now, and which of their ends a silhouette shows.
+"""Boxes predicted from the previous frames, and which of their ends a silhouette shows.
 
 A person who was seen alone has a known height, and walks on. When their silhouette runs together with
 another one, with a sign's edge or with nothing at all (legs behind a parked car), the head is sought
@@ -62,7 +62,7 @@ class Known(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where somebody is in a silhouette, in its pixels, and which ends are not seen."""
+    """Place of a person in a silhouette, in its pixels, and which ends are not seen."""
 
     axis: int
     top: int

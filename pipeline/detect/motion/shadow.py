@@ -1,4 +1,4 @@
-"""What cast shadows look like in this recording, learned from it.
+"""Model of cast shadows, learned from the recording itself.
 
 In one scene every shadow of the sun dims the ground by the same factors: what is left is the light of
 the sky (Horprasert et al. 1999 keep the colour, but the sky is bluer than the sun, so the factors of

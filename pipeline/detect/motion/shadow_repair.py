@@ -1,4 +1,4 @@
-"""What was taken for shadow, and is somebody's legs, or their head.
+"""Repair of silhouettes whose legs or head were taken for shadow.
 
 Grey trousers on grey paving have the colour of a shadow on it. How tall a person is where they stand
 tells the two apart: a silhouette that is too short without what was taken away, and right with it, gets

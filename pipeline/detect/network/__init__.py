@@ -1,1 +1,1 @@
-"""Network."""
+"""Objects found by a network from the user's ONNX file."""

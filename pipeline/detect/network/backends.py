@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -33,6 +32,8 @@ BACKENDS = ("auto", "onnxruntime", "opencv")
 class Backend(Protocol):
     """Runs a network."""
 
+    runs_on_opencv: bool  # with OpenCV's own threads, see `pipeline.parallel.opencv_threads`
+
     def run(self, inputs: Mapping[str, Array]) -> list[Array]:
         """Return the outputs in the file's order."""
 
@@ -60,12 +61,11 @@ def make_backend(name: str, file: OnnxFile) -> Backend:
 class OpenCv:
     """OpenCV's own engine, which is always there."""
 
+    runs_on_opencv = True
+
     def __init__(self, file: OnnxFile) -> None:
         self._path = file.path
         self._outputs = [o.name for o in file.outputs]
-        # Pass 1 holds OpenCV to one thread, because pictures are decoded in several; here one
-        # picture at a time is what all wait for.
-        cv2.setNumThreads(os.cpu_count() or 1)
         try:
             self._net = cv2.dnn.readNetFromONNX(str(file.path))
         except (cv2.error, MemoryError) as error:
@@ -83,6 +83,8 @@ class OpenCv:
 
 class OnnxRuntime:
     """onnxruntime, which is faster, and uses a graphics card if it was built for one."""
+
+    runs_on_opencv = False
 
     PREFERRED = ("CUDAExecutionProvider", "CPUExecutionProvider")
 

@@ -12,21 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.core.arrays import FloatArray
-from pipeline.core.config import DetectConfig
+from pipeline.core.config import CameraConfig, DetectConfig
 from pipeline.core.errors import StadimeterError, UnusableModel, UsageError, Where
 from pipeline.core.records import Boxes, Expected, Frame
 from pipeline.detect.network.backends import Backend, dtype_of, make_backend
 from pipeline.detect.network.coco import COCO, COCO_WITH_GAPS
+from pipeline.detect.network.families import FAMILIES, class_count_of, recognise
 from pipeline.detect.network.input import fill, normalised, place
 from pipeline.detect.network.onnx_file import OnnxFile, Tensor, read_onnx_file
-from pipeline.detect.network.output import (
-    FAMILIES,
-    Candidates,
-    class_count_of,
-    decode,
-    recognise,
-    suppress,
-)
+from pipeline.detect.network.output import Candidates, decode
+from pipeline.detect.network.suppression import suppress
 from pipeline.images.decode import Picture
 
 Array = npt.NDArray[np.generic]
@@ -84,6 +79,7 @@ class OnnxDetector:
         self._channels_last = self._image.shape[3] == 3 and self._image.shape[1] != 3
         self._size = _input_size(file, self._image, self._channels_last, self._config)
         self._backend: Backend = make_backend(self._config.model_backend, file)
+        self.runs_on_opencv = self._backend.runs_on_opencv
         # The outputs' shapes, which files often leave open, are seen on a picture of nothing.
         width, height = self._size
         blank = np.zeros((1, 3, height, width), dtype=self._dtype)
@@ -246,3 +242,13 @@ def _edge_std(bbox: FloatArray, scale: tuple[float, float]) -> FloatArray:
 def _stored(bbox: FloatArray, picture: Picture) -> FloatArray:
     """Return boxes of the decoded picture in pixels of the stored one."""
     return np.asarray((bbox + 0.5) * picture.reduction - 0.5)
+
+
+def make(config: DetectConfig, camera: CameraConfig) -> OnnxDetector:
+    """Return the detector, for the table `DETECTORS`.
+
+    Raises:
+        UsageError: the configuration names no model, or an unknown family or backend.
+        UnusableModel: the file is no model, or its outputs are not understood.
+    """
+    return OnnxDetector(config)

@@ -1,4 +1,4 @@
-"""A picture becomes a network's input, and boxes find their way back.
+"""Input of a network from a picture, and boxes brought back into the picture.
 
 Networks count positions in pixels from the outer edge of the first one; stored pixels have the
 centre of the first one at 0 (DESIGN, section 2). Scaling keeps edges on edges, so
@@ -22,7 +22,7 @@ PAD_LEVEL = 114  # the grey with which YOLO networks are trained to see nothing
 
 
 class Fit(StrEnum):
-    """How a picture of any shape is put into a network's input."""
+    """Ways to put a picture of any shape into a network's input."""
 
     LETTERBOX = "letterbox"  # shape kept, in the middle, grey around (Ultralytics, YOLOv5-v7)
     CORNER = "corner"  # shape kept, in the upper left corner, grey below or to the right (YOLOX)
@@ -31,7 +31,7 @@ class Fit(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Normalisation:
-    """What a network takes for the levels 0..255: (level / divisor - mean) / std, R G B or B G R."""
+    """Scale of a network's input from levels 0..255: (level / divisor - mean) / std, R G B or B G R."""
 
     rgb: bool = True
     divisor: float = 255.0
@@ -41,7 +41,7 @@ class Normalisation:
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Where a picture lies in a network's input: scale and pad along x and y."""
+    """Place of a picture in a network's input: scale and pad along x and y."""
 
     scale: tuple[float, float]
     pad: tuple[float, float]

@@ -1,4 +1,4 @@
-"""What an ONNX file says of itself: its inputs and outputs with their shapes, and its metadata.
+"""Header of an ONNX file: inputs and outputs with their shapes, and metadata.
 
 OpenCV runs a model without showing its metadata, and `onnx` is not worth a dependency for a dozen
 fields. The file is a protobuf message; its wire format (protobuf.dev/programming-guides/encoding) is
@@ -46,7 +46,7 @@ class Tensor:
 
 @dataclass(frozen=True, slots=True)
 class OnnxFile:
-    """What a model file says of itself."""
+    """Facts that a model file states about itself."""
 
     path: Path
     sha256: str

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.arrays import FloatArray
+from pipeline.core.robust import MAD_TO_STD
 from pipeline.estimate.types import BoolArray, Measured
 
 SAMPLE = 41  # observations of a track, spread over it, that the line is found from
@@ -67,4 +68,4 @@ def _lines(head: FloatArray, tall: FloatArray) -> tuple[FloatArray, FloatArray, 
         better = apart < best
         level, slope = np.where(better, a, level), np.where(better, b, slope)
         best = np.where(better, apart, best)
-    return level, slope, 1.4826 * best
+    return level, slope, MAD_TO_STD * best

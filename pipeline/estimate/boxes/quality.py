@@ -20,6 +20,7 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline.core.arrays import FloatArray
+from pipeline.core.robust import MAD_TO_STD, MEDIAN_EFFICIENCY
 from pipeline.core.tables import OBSERVATION_QUALITY
 from pipeline.estimate.boxes.error_correlation import independent_share
 from pipeline.estimate.boxes.gait_phase import stride_phase_rad
@@ -164,9 +165,9 @@ def against_track(
         with np.errstate(invalid="ignore"):
             off = np.nan_to_num((height_m - middle_m) / noise_m)
     apart = pd.Series(np.abs(chosen.to_numpy() - middle_m)).groupby(m.track_id)
-    spread_m = 1.4826 * apart.transform("median").to_numpy(dtype=np.float64)
+    spread_m = MAD_TO_STD * apart.transform("median").to_numpy(dtype=np.float64)
     independent = np.maximum(count * independent_share(m, correlation_s), 1.0)
-    std_m = np.sqrt(np.pi / 2) * np.maximum(spread_m, GAIT_STD_M) / np.sqrt(independent)
+    std_m = np.sqrt(MEDIAN_EFFICIENCY) * np.maximum(spread_m, GAIT_STD_M) / np.sqrt(independent)
     middle_m = np.where(count >= MIN_WHOLE, middle_m, np.nan)
     with np.errstate(invalid="ignore"):
         off = (height_m - middle_m) / noise_m

@@ -25,15 +25,15 @@ def with_reach(measured: Measured) -> Geometry:
     """Return the geometry of boxes around bodies; where the pose is unknown, of lines."""
     plane = measured.ground_plane
     if plane is None or measured.intrinsics is None:
-        return Geometry(measured)
-    lines = Geometry(measured)
+        return Geometry.of(measured)
+    lines = Geometry.of(measured)
     reach, std = _reach(lines, plane)
-    return lines.but(reach=reach, reach_std=std)
+    return lines.with_reach(reach, std)
 
 
 def reach_of(m: Measured, plane: GroundPlane) -> tuple[FloatArray, FloatArray]:
     """Return the reach of each person, NaN of what is none, and its deviation from frame to frame."""
-    return _reach(Geometry(m), plane)
+    return _reach(Geometry.of(m), plane)
 
 
 def _reach(lines: Geometry, plane: GroundPlane) -> tuple[FloatArray, FloatArray]:
@@ -43,7 +43,7 @@ def _reach(lines: Geometry, plane: GroundPlane) -> tuple[FloatArray, FloatArray]
     average = np.where(person, mean_reach(steep), np.nan)
     if not person.any():
         return average, np.full(len(m), UNKNOWN_REACH_STD)
-    velocity, variance = _velocity(lines.but(reach=average), plane)
+    velocity, variance = _velocity(lines.with_reach(average), plane)
     across, ahead = velocity.T
     squared = across**2 + ahead**2
     # Of a direction that is not known well: the mean over what it may be.

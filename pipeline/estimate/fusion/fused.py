@@ -10,37 +10,31 @@
    small for the track has hidden feet there; whose is too large is not alone in the box.
 3. Positions are smoothed along the track. What frames have in common (the calibration's error) is not
    made smaller by that, and errors of boxes last as long as the track's heights say.
-4. The height in a frame is that at the smoothed position (and then smoothed itself: `posture`).
+4. The height in a frame is that at the smoothed position (and then smoothed itself: `smooth_heights`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from pipeline.core.arrays import FloatArray
-from pipeline.core.calibration import Method
 from pipeline.core.records import GroundPlane
+from pipeline.core.robust import noise_part
 from pipeline.estimate.boxes.error_correlation import independent_share, interval_s
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import AgainstTrack, Quality, against_track
 from pipeline.estimate.fusion.head import use_head
 from pipeline.estimate.fusion.smoother import smooth_tracks
 from pipeline.estimate.gait import as_standing
+from pipeline.estimate.methods import GROUND, method_named
 from pipeline.estimate.types import BoolArray, Estimated, Measured
 from pipeline.optics.ground_plane import ground_position_m, height_m, range_m
 
-# What each method reads of the picture; those that read the same are not independent.
-READS = {
-    Method.APERTURE: "box",
-    Method.INVERSE: "box",
-    Method.SIZE: "box",
-    Method.GROUND: "foot",
-    Method.DEFOCUS: "blur",
-}
 # A method is left out of a track where it is this many standard deviations from the surest one.
 CONTRADICTION = 2.5
 # How much of a person sways to either side of the middle of the box, in widths of the box.
@@ -52,7 +46,7 @@ HALF_SHOULDERS_M = 0.25  # with an arm
 
 
 def estimate(
-    geometry: Geometry, members: Mapping[Method, Estimated], track: AgainstTrack | None = None
+    geometry: Geometry, members: Mapping[str, Estimated], track: AgainstTrack | None = None
 ) -> Estimated:
     """Return the fused estimates; NaN where no method has a depth.
 
@@ -63,29 +57,30 @@ def estimate(
     """
     m = geometry.measured
     if not members:
-        return Estimated(len(m))
+        return Estimated.unknown(len(m))
     fused = _weighted(m, members)
     plane = m.ground_plane
     if m.intrinsics is None:
         return fused
-    of_prior = fused.height_assumed.copy()
-    if plane is not None and Method.GROUND in members:
-        by_ground = members[Method.GROUND]
+    of_prior = fused.height_assumed
+    if plane is not None and GROUND in members:
+        by_ground = members[GROUND]
         track = track or beside_track(geometry, by_ground)
-        of_prior &= ~use_head(fused, geometry, plane, by_ground, track)
-    _smooth(fused, geometry, plane, members.get(Method.GROUND))
+        fused, by_track = use_head(fused, geometry, plane, by_ground, track)
+        of_prior = of_prior & ~by_track
+    fused = _smoothed(fused, geometry, plane, members.get(GROUND))
     if plane is not None:
-        _heights_on_ground(fused, geometry, plane, members)
-    as_standing(m, fused, fused.speed_m_s, of_prior)
-    return fused
+        fused = _with_heights_on_ground(fused, geometry, plane, members)
+    return as_standing(m, fused, fused.speed_m_s, of_prior)
 
 
 def beside_track(
     geometry: Geometry, ground: Estimated, quality: Quality | None = None
 ) -> AgainstTrack:
     """Return the height of each observation by the ground beside that of its track."""
-    noise_m = np.sqrt(np.maximum(ground.height_std_m**2 - ground.height_common_std_m**2, 0.0))
-    return against_track(geometry.measured, ground.height_m, noise_m, quality, lasts_s(geometry))
+    return against_track(
+        geometry.measured, ground.height_m, ground.height_noise_m, quality, lasts_s(geometry)
+    )
 
 
 def lasts_s(geometry: Geometry) -> FloatArray | None:
@@ -93,21 +88,21 @@ def lasts_s(geometry: Geometry) -> FloatArray | None:
     return None if geometry.scatter is None else geometry.scatter.correlation_s
 
 
-def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
+def _weighted(m: Measured, members: Mapping[str, Estimated]) -> Estimated:
     """Return the mean of the methods by precision; heights by those that measure them."""
     parts = list(members.values())
     depth = np.stack([e.depth_m for e in parts])
     std = np.stack([e.depth_std_m for e in parts])
     common = np.stack([e.depth_common_std_m for e in parts])
-    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
+    noise = noise_part(std, common)
     usable: BoolArray = np.asarray(np.isfinite(depth) & (std > 0))
-    ground = members.get(Method.GROUND)
+    ground = members.get(GROUND)
     if ground is not None:
         # A height that was put in says how far away somebody is if they are as tall as people are. Of
         # that the pose knows already, by all who walked there; the ground is asked alone.
         assumed = np.stack([e.height_assumed for e in parts])
         usable = np.asarray(usable & ~(assumed & np.isfinite(ground.depth_m)))
-    group = np.array([READS[method] for method in members])
+    group = np.array([method_named(name).reads for name in members])
     names = sorted(set(group))
     within = _shares(np.where(usable, 1.0 / np.where(usable, std, 1.0) ** 2, 0.0), group)
     widened = _contradiction(depth, common, within, group)
@@ -121,26 +116,29 @@ def _weighted(m: Measured, members: Mapping[Method, Estimated]) -> Estimated:
     weight = np.where(known, 1.0 / np.where(known, g_std, 1.0) ** 2, 0.0)
     between = _shares(weight)
     share = within * between[np.searchsorted(names, group)]
-    fused = Estimated(len(m))
     # A depth without a deviation is exact, or its deviation unknown: it is taken as it is.
     alone = ~known.any(axis=0) & np.isfinite(depth).any(axis=0)
     first = np.argmax(np.isfinite(depth), axis=0)
     share[first[alone], np.flatnonzero(alone)] = 1.0
-    fused.depth_m = _sum(share, depth)
     # Methods that read different things are calibrated by different things as well.
-    fused.depth_common_std_m = np.nan_to_num(_root_sum(between, g_common))
+    common_m = np.nan_to_num(_root_sum(between, g_common))
     noise_m = _root_sum(between, g_noise)
     noise_m[alone] = noise[first[alone], np.flatnonzero(alone)]
-    fused.depth_common_std_m[alone] = common[first[alone], np.flatnonzero(alone)]
-    fused.depth_std_m = np.hypot(noise_m, fused.depth_common_std_m)
-    _weighted_heights(fused, parts, share, group, widened)
-    for name in ("range_m", "x_m", "y_m"):
-        setattr(fused, name, _sum(share, np.stack([getattr(e, name) for e in parts])))
+    common_m[alone] = common[first[alone], np.flatnonzero(alone)]
     ranges = np.stack([e.in_calibrated_range for e in parts])
     outside = ((ranges == 0) & (share > 0)).any(axis=0)
     stated = (np.isfinite(ranges) & (share > 0)).any(axis=0)
-    fused.in_calibrated_range = np.where(outside, 0.0, np.where(stated, 1.0, np.nan))
-    return fused
+    fused = replace(
+        Estimated.unknown(len(m)),
+        depth_m=_sum(share, depth),
+        depth_common_std_m=common_m,
+        depth_std_m=np.hypot(noise_m, common_m),
+        range_m=_sum(share, np.stack([e.range_m for e in parts])),
+        x_m=_sum(share, np.stack([e.x_m for e in parts])),
+        y_m=_sum(share, np.stack([e.y_m for e in parts])),
+        in_calibrated_range=np.where(outside, 0.0, np.where(stated, 1.0, np.nan)),
+    )
+    return _with_heights(fused, parts, share, group, widened)
 
 
 def _contradiction(
@@ -175,18 +173,21 @@ def _agreeing(m: Measured, depth: FloatArray, std: FloatArray, usable: BoolArray
     return np.asarray(~(np.abs(typical) > CONTRADICTION) | (best == np.arange(len(depth))[:, None]))
 
 
-def _weighted_heights(
+def _with_heights(
     fused: Estimated,
     parts: list[Estimated],
     share: FloatArray,
     group: npt.NDArray[np.str_],
     widened: FloatArray,
-) -> None:
-    """Enter heights: those that were measured; one that was put in only where there is no other."""
+) -> Estimated:
+    """Return the estimates with heights.
+
+    Those that were measured; one that was put in only where there is no other.
+    """
     tall = np.stack([e.height_m for e in parts])
     std = np.stack([e.height_std_m for e in parts])
     common = np.stack([e.height_common_std_m for e in parts])
-    noise = np.sqrt(np.maximum(std**2 - common**2, 0.0))
+    noise = noise_part(std, common)
     common = common * widened
     std = np.hypot(noise, common)
     assumed = np.stack([e.height_assumed for e in parts])
@@ -196,10 +197,14 @@ def _weighted_heights(
     usable = np.where(none, known, measured)
     weight = np.where(usable, 1.0 / np.maximum(np.nan_to_num(std, nan=1.0), 1e-9) ** 2, 0.0)
     part = _shares(weight)
-    fused.height_m = _sum(part, tall)
-    fused.height_common_std_m = np.nan_to_num(_root_sum_alike(part, common, group))
-    fused.height_std_m = np.hypot(_root_sum_alike(part, noise, group), fused.height_common_std_m)
-    fused.height_assumed = np.asarray(none & known.any(axis=0))
+    common_m = np.nan_to_num(_root_sum_alike(part, common, group))
+    return replace(
+        fused,
+        height_m=_sum(part, tall),
+        height_common_std_m=common_m,
+        height_std_m=np.hypot(_root_sum_alike(part, noise, group), common_m),
+        height_assumed=np.asarray(none & known.any(axis=0)),
+    )
 
 
 def _shares(weight: FloatArray, group: npt.NDArray[np.str_] | None = None) -> FloatArray:
@@ -230,12 +235,15 @@ def _root_sum_alike(share: FloatArray, std: FloatArray, group: npt.NDArray[np.st
     return np.where(known.any(axis=0), total, np.nan)
 
 
-def _smooth(
+def _smoothed(
     fused: Estimated, geometry: Geometry, plane: GroundPlane | None, ground: Estimated | None
-) -> None:
-    """Smooth positions along the tracks; depths, ranges and deviations follow from them."""
+) -> Estimated:
+    """Return the estimates with positions smoothed along the tracks.
+
+    Depths, ranges and deviations follow from them.
+    """
     m = geometry.measured
-    position, covariance = _places(fused, geometry, plane)
+    position, covariance = _positions(fused, geometry, plane)
     # Boxes repeat their errors; the swing of the feet about its mean does not, it comes back every step.
     share = independent_share(m, lasts_s(geometry))[:, None, None]
     stride = _stride(fused, geometry, plane, ground)
@@ -255,18 +263,21 @@ def _smooth(
     noise_m = np.sqrt(smoothed.covariance[:, 1, 1] * passed) * np.cos(tilt)
     if geometry.scatter is None:
         noise_m *= _birge_ratio(m, fused, depth_m)
-    fused.depth_m = np.where(use, depth_m, fused.depth_m)
-    fused.depth_std_m = np.where(
-        use, np.hypot(noise_m, fused.depth_common_std_m), fused.depth_std_m
-    )
-    fused.x_m, fused.y_m = np.where(use, x_m, fused.x_m), np.where(use, y_m, fused.y_m)
-    fused.speed_m_s = np.where(use, np.linalg.norm(smoothed.velocity_m_s, axis=1), np.nan)
     if plane is not None:
         half_m = np.nan_to_num(fused.height_m, nan=1.7) / 2
-        away_m = range_m(fused.x_m, fused.y_m, up_m, half_m)
+        away_m = range_m(x_m, y_m, up_m, half_m)
     else:
-        away_m = np.sqrt(fused.x_m**2 + fused.y_m**2 + (fused.depth_m * geometry.middle[:, 1]) ** 2)
-    fused.range_m = np.where(use, away_m, fused.range_m)
+        away_m = np.sqrt(x_m**2 + y_m**2 + (depth_m * geometry.middle[:, 1]) ** 2)
+    std_m = np.hypot(noise_m, fused.depth_common_std_m)
+    return replace(
+        fused,
+        depth_m=np.where(use, depth_m, fused.depth_m),
+        depth_std_m=np.where(use, std_m, fused.depth_std_m),
+        x_m=np.where(use, x_m, fused.x_m),
+        y_m=np.where(use, y_m, fused.y_m),
+        speed_m_s=np.where(use, np.linalg.norm(smoothed.velocity_m_s, axis=1), np.nan),
+        range_m=np.where(use, away_m, fused.range_m),
+    )
 
 
 def _birge_ratio(m: Measured, fused: Estimated, smooth_m: FloatArray) -> FloatArray:
@@ -276,7 +287,7 @@ def _birge_ratio(m: Measured, fused: Estimated, smooth_m: FloatArray) -> FloatAr
     they show. Deviations that are too small for the scatter are scaled up to it (Birge 1932; the scale
     factor of the Review of Particle Physics).
     """
-    noise_m = np.sqrt(np.maximum(fused.depth_std_m**2 - fused.depth_common_std_m**2, 0.0))
+    noise_m = fused.depth_noise_m
     with np.errstate(invalid="ignore", divide="ignore"):
         square = ((fused.depth_m - smooth_m) / noise_m) ** 2
     known = pd.Series(np.where(np.isfinite(square), square, np.nan))
@@ -302,18 +313,18 @@ def _stride(
     return np.asarray(swing_m2[:, None, None] * along[:, :, None] * along[:, None, :])
 
 
-def _places(
+def _positions(
     fused: Estimated, geometry: Geometry, plane: GroundPlane | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return where each observation is, (n, 2), and the covariance of its own error, (n, 2, 2).
 
     An error of depth moves it along the line of sight, an error of the box's middle across.
     """
-    noise_m = np.sqrt(np.maximum(fused.depth_std_m**2 - fused.depth_common_std_m**2, 0.0))
+    noise_m = fused.depth_noise_m
     tilt = plane.tilt_rad if plane is not None else 0.0
     x = geometry.middle[:, 0]
     if plane is not None:
-        # On the ground the place follows from the depth; the row of the foot need not be seen.
+        # On the ground the position follows from the depth; the row of the foot need not be seen.
         row = (plane.camera_height_m / fused.depth_m - np.sin(tilt)) / np.cos(tilt)
         x_m, y_m = ground_position_m(fused.depth_m, x, row, tilt)
         # The middle of the box is between foot and head, and the head is nearer: by H sin t.
@@ -331,27 +342,31 @@ def _places(
     return np.column_stack([x_m, y_m]), covariance
 
 
-def _heights_on_ground(
+def _with_heights_on_ground(
     fused: Estimated,
     geometry: Geometry,
     plane: GroundPlane,
-    members: Mapping[Method, Estimated],
-) -> None:
-    """Measure heights at the smoothed positions; only the head's row is the frame's own."""
+    members: Mapping[str, Estimated],
+) -> Estimated:
+    """Return heights measured at the smoothed positions; only the head's row is the frame's own."""
     tilt, y_h = plane.tilt_rad, geometry.head[:, 1]
     y_f = (plane.camera_height_m / fused.depth_m - np.sin(tilt)) / np.cos(tilt)
     tall_m = height_m(fused.depth_m, y_f, y_h, tilt)
-    ground = members.get(Method.GROUND)
-    seen = np.isfinite(tall_m) & ~geometry.height_cut & ~fused.height_assumed
+    ground = members.get(GROUND)
+    seen = np.isfinite(tall_m) & ~geometry.measured.height_cut & ~fused.height_assumed
     if ground is not None:
         seen &= np.isfinite(ground.height_m)
-    noise_m = np.sqrt(np.maximum(fused.depth_std_m**2 - fused.depth_common_std_m**2, 0.0))
+    noise_m = fused.depth_noise_m
     across = np.cos(tilt) - y_h * np.sin(tilt)
     by_head_m = fused.y_m / across**2
     # Along the head's ray it is lower the farther away; a metre of depth is 1 / cos t on the ground.
     by_depth = np.abs(y_h * np.cos(tilt) + np.sin(tilt)) / (across * np.cos(tilt))
     noise_m = np.hypot(by_head_m * geometry.head_std, by_depth * noise_m)
     common_m = ground.height_common_std_m if ground is not None else fused.height_common_std_m
-    fused.height_m = np.where(seen, tall_m, fused.height_m)
-    fused.height_common_std_m = np.where(seen, common_m, fused.height_common_std_m)
-    fused.height_std_m = np.where(seen, np.hypot(noise_m, common_m), fused.height_std_m)
+    std_m = np.hypot(noise_m, common_m)
+    return replace(
+        fused,
+        height_m=np.where(seen, tall_m, fused.height_m),
+        height_common_std_m=np.where(seen, common_m, fused.height_common_std_m),
+        height_std_m=np.where(seen, std_m, fused.height_std_m),
+    )

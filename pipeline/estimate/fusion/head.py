@@ -7,11 +7,13 @@ a dark hedge. Each is a place, and where the frames before and after lead says w
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-import pandas as pd
 
 from pipeline.core.arrays import FloatArray
 from pipeline.core.records import GroundPlane
+from pipeline.core.robust import finite, median_by
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import AgainstTrack
 from pipeline.estimate.fusion.kalman import ACCELERATION_DENSITY, SPEED_STD_M_S
@@ -29,10 +31,11 @@ def use_head(
     plane: GroundPlane,
     ground: Estimated,
     track: AgainstTrack,
-) -> BoolArray:
+) -> tuple[Estimated, BoolArray]:
     """Bring in the depth at which the head is as high as the track's own height.
 
-    Returns where the height is that of the track's other frames, (n,).
+    Returns:
+        The estimates with it, and where the height is that of the track's other frames, (n,).
     """
     m = geometry.measured
     tall_m, tall_std_m, off = track.height_m, track.height_std_m, track.off
@@ -41,10 +44,12 @@ def use_head(
     depth_m, head_noise_m, per_height = _head_depth(geometry, plane, tall_m)
     # The height was measured with the pose of this camera, and the feet of these frames: what those
     # have in common is in it.
-    relative = _of_track(m, ground.depth_common_std_m / ground.depth_m)
+    relative = np.nan_to_num(
+        median_by(m.track_id, finite(ground.depth_common_std_m / ground.depth_m))
+    )
     head_common_m = np.hypot(per_height * tall_std_m, relative * depth_m)
     known = np.isfinite(depth_m) & ~m.truncated[:, 1] & ~crowded
-    own_noise_m = np.sqrt(np.maximum(fused.depth_std_m**2 - fused.depth_common_std_m**2, 0.0))
+    own_noise_m = fused.depth_noise_m
     foot_noise_m = np.where(hidden, np.inf, np.nan_to_num(own_noise_m, nan=np.inf))
     foot_noise_m = np.where(crowded, foot_noise_m * np.maximum(off, 1.0), foot_noise_m)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -68,29 +73,28 @@ def use_head(
     common = np.where(
         share >= 1, head_common_m, share * head_common_m + (1 - share) * fused.depth_common_std_m
     )
-    fused.depth_m = np.where(take, mixed, fused.depth_m)
-    fused.depth_common_std_m = np.where(take, common, fused.depth_common_std_m)
+    depth_common_m = np.where(take, common, fused.depth_common_std_m)
     wide = np.where(take, mixed_noise, np.where(np.isfinite(foot_noise_m), foot_noise_m, np.nan))
-    fused.depth_std_m = np.where(
-        np.isfinite(wide), np.hypot(wide, fused.depth_common_std_m), fused.depth_std_m
-    )
     # The height there is that of the other frames.
     put_in = take & (hidden | (share >= 1))
-    fused.height_m = np.where(put_in, tall_m, fused.height_m)
     seen = np.isfinite(ground.height_m)
-    of_track_m = _of_track(m, np.where(seen, ground.height_common_std_m, np.nan))
-    fused.height_std_m = np.where(put_in, np.hypot(tall_std_m, of_track_m), fused.height_std_m)
-    fused.height_common_std_m = np.where(
-        put_in, fused.height_std_m, np.nan_to_num(fused.height_common_std_m)
+    of_track_m = np.nan_to_num(
+        median_by(m.track_id, finite(np.where(seen, ground.height_common_std_m, np.nan)))
     )
-    fused.height_assumed |= put_in
-    return np.asarray(put_in & np.isfinite(tall_m))
-
-
-def _of_track(m: Measured, values: FloatArray) -> FloatArray:
-    """Return the median of each track, at each of its observations, 0 where there is none."""
-    known = pd.Series(np.where(np.isfinite(values), values, np.nan))
-    return np.nan_to_num(known.groupby(m.track_id).transform("median").to_numpy(dtype=np.float64))
+    height_std_m = np.where(put_in, np.hypot(tall_std_m, of_track_m), fused.height_std_m)
+    moved = replace(
+        fused,
+        depth_m=np.where(take, mixed, fused.depth_m),
+        depth_common_std_m=depth_common_m,
+        depth_std_m=np.where(np.isfinite(wide), np.hypot(wide, depth_common_m), fused.depth_std_m),
+        height_m=np.where(put_in, tall_m, fused.height_m),
+        height_std_m=height_std_m,
+        height_common_std_m=np.where(
+            put_in, height_std_m, np.nan_to_num(fused.height_common_std_m)
+        ),
+        height_assumed=fused.height_assumed | put_in,
+    )
+    return moved, np.asarray(put_in & np.isfinite(tall_m))
 
 
 def _likelier_head(

@@ -10,18 +10,19 @@ The estimate stays what was measured; a child is none the shorter for being unus
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 from scipy.special import ndtr
 
 from pipeline.core.arrays import FloatArray
 from pipeline.core.calibration import Dimension
 from pipeline.core.config import SizePrior
+from pipeline.core.robust import median_by
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import AgainstTrack
 from pipeline.estimate.gait import GAIT_DROP_M
-from pipeline.estimate.types import Estimated, Measured
+from pipeline.estimate.types import Estimated
 
 # Of tracks whose boxes scatter as much as they say, one in 25 holds parts or several for most of its
 # time, of those that scatter more, more; their heights are off by 0.3 m (the motion detector's tracks in
@@ -38,8 +39,8 @@ DEGREES_OF_FREEDOM = 4.0  # of Student's t: children walk about among adults, to
 
 def with_doubt(
     geometry: Geometry, ground: Estimated, track: AgainstTrack, priors: Sequence[SizePrior]
-) -> None:
-    """Widen what the ground says of tracks that may be no one person; changed in place.
+) -> Estimated:
+    """Return what the ground says, widened for tracks that may be no one person.
 
     Args:
         geometry: the boxes.
@@ -50,9 +51,9 @@ def with_doubt(
     m = geometry.measured
     doubt_m = np.zeros(len(m))
     seen = np.isfinite(ground.height_m)
-    common_m = _of_track(m, np.where(seen, ground.height_common_std_m, np.nan))
+    common_m = median_by(m.track_id, np.where(seen, ground.height_common_std_m, np.nan))
     ratio = geometry.scatter.ratio if geometry.scatter is not None else np.ones(len(m))
-    bad = _bad_share(ratio, _of_track(m, geometry.width_angle * ground.depth_m))
+    bad = _bad_share(ratio, median_by(m.track_id, geometry.width_angle * ground.depth_m))
     for prior in priors:
         if prior.dimension is not Dimension.HEIGHT:
             continue
@@ -62,22 +63,23 @@ def with_doubt(
         of_class = doubtful_m(off_m[first], std_m[first], prior.std_m, bad[first])[back]
         doubt_m = np.where(m.class_name == prior.object_class, of_class, doubt_m)
     doubt_m = np.nan_to_num(doubt_m)
-    ground.height_doubt_m = doubt_m
-    ground.height_common_std_m = np.hypot(ground.height_common_std_m, doubt_m)
-    ground.height_std_m = np.hypot(ground.height_std_m, doubt_m)
+    widened = replace(
+        ground,
+        height_doubt_m=doubt_m,
+        height_common_std_m=np.hypot(ground.height_common_std_m, doubt_m),
+        height_std_m=np.hypot(ground.height_std_m, doubt_m),
+    )
     plane = m.ground_plane
     if plane is None:
-        return
+        return widened
     # If it is the lower end that is off, its ray passes so far above the ground and meets it beyond.
     farther = ground.y_m * np.cos(plane.tilt_rad) / plane.camera_height_m
     depth_doubt_m = np.nan_to_num(doubt_m * farther)
-    ground.depth_common_std_m = np.hypot(ground.depth_common_std_m, depth_doubt_m)
-    ground.depth_std_m = np.hypot(ground.depth_std_m, depth_doubt_m)
-
-
-def _of_track(m: Measured, values: FloatArray) -> FloatArray:
-    """Return the median of what is known of each track, (n,)."""
-    return np.asarray(pd.Series(values).groupby(m.track_id).transform("median"), dtype=np.float64)
+    return replace(
+        widened,
+        depth_common_std_m=np.hypot(ground.depth_common_std_m, depth_doubt_m),
+        depth_std_m=np.hypot(ground.depth_std_m, depth_doubt_m),
+    )
 
 
 def _bad_share(ratio: FloatArray, width_m: FloatArray) -> FloatArray:

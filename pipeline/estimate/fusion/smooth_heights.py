@@ -7,6 +7,8 @@ over the ground. The height of the whole track is another number, of all of its 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.core.arrays import FloatArray
@@ -15,8 +17,8 @@ from pipeline.estimate.fusion.smoother import smooth_tracks
 from pipeline.estimate.types import Estimated, Measured
 
 
-def smooth_heights(m: Measured, fused: Estimated, lasts_s: FloatArray | None = None) -> None:
-    """Smooth the heights that were measured along their tracks, in place.
+def smooth_heights(m: Measured, fused: Estimated, lasts_s: FloatArray | None = None) -> Estimated:
+    """Return the estimates with the heights that were measured smoothed along their tracks.
 
     What frames have in common is not made smaller by that, and errors of boxes last.
 
@@ -28,14 +30,17 @@ def smooth_heights(m: Measured, fused: Estimated, lasts_s: FloatArray | None = N
     measured = np.isfinite(fused.height_m) & ~fused.height_assumed
     noise_m2 = np.maximum(fused.height_std_m**2 - fused.height_common_std_m**2, 0.0)
     noise_m2 = noise_m2 / independent_share(m, lasts_s)
-    # The smoother takes places on a plane; heights are the first coordinate, the second stands still.
-    place = np.column_stack([np.where(measured, fused.height_m, np.nan), np.zeros(len(m))])
+    # The smoother takes positions on a plane; heights are the first coordinate, the second stands still.
+    position = np.column_stack([np.where(measured, fused.height_m, np.nan), np.zeros(len(m))])
     covariance = np.zeros((len(m), 2, 2))
     covariance[:, 0, 0], covariance[:, 1, 1] = noise_m2, 1.0
     time_s = (m.capture_time_ns - m.capture_time_ns.min(initial=0)) / 1e9
-    smoothed = smooth_tracks(m.track_id, time_s, place, covariance)
+    smoothed = smooth_tracks(m.track_id, time_s, position, covariance)
     height_m, variance_m2 = smoothed.position_m[:, 0], smoothed.covariance[:, 0, 0]
     use = measured & np.isfinite(height_m) & np.isfinite(noise_m2) & (noise_m2 > 0)
     std_m = np.sqrt(variance_m2 + fused.height_common_std_m**2)
-    fused.height_m = np.where(use, height_m, fused.height_m)
-    fused.height_std_m = np.where(use, std_m, fused.height_std_m)
+    return replace(
+        fused,
+        height_m=np.where(use, height_m, fused.height_m),
+        height_std_m=np.where(use, std_m, fused.height_std_m),
+    )

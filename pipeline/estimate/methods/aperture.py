@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.core.calibration import Method
+from pipeline.core.calibration import CalibratedMethod
 from pipeline.core.config import Config
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods.scaling import (
     Depths,
-    add_heights,
-    add_positions,
     calibrations_for,
     put,
     size_of,
     spread_m,
+    with_heights,
+    with_positions,
 )
 from pipeline.estimate.types import Estimated
 from pipeline.optics.aperture_size import equivalent_object_size_m, interpolate_k
@@ -29,8 +29,8 @@ def estimate(geometry: Geometry, config: Config) -> Estimated:
     no estimate, unless the configuration says to extrapolate; then it is flagged.
     """
     m = geometry.measured
-    estimated = Estimated(len(m))
-    for calibration in calibrations_for(config, Method.APERTURE, m.camera):
+    estimated = Estimated.unknown(len(m))
+    for calibration in calibrations_for(config, CalibratedMethod.APERTURE, m.camera):
         n, k, k_std = calibration.by_f_number("k")
         rows = m.class_name == calibration.object_class
         if len(k) == 0 or not rows.any():
@@ -46,7 +46,7 @@ def estimate(geometry: Geometry, config: Config) -> Estimated:
             np.hypot(depth_m * relative_std, spread_m(calibration, depth_m)),
             calibration.dimension,
         )
-        put(estimated, rows, depths, calibration, (m.f_number >= n[0]) & (m.f_number <= n[-1]))
-    add_heights(estimated, geometry)
-    add_positions(estimated, geometry)
-    return estimated
+        estimated = put(
+            estimated, rows, depths, calibration, (m.f_number >= n[0]) & (m.f_number <= n[-1])
+        )
+    return with_positions(with_heights(estimated, geometry), geometry)

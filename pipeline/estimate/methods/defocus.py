@@ -14,20 +14,19 @@ stated lens all over a camera (an autofocus that says "infinity"), there is no e
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from pipeline.core.arrays import FloatArray
-from pipeline.core.calibration import Method
 from pipeline.core.config import CameraConfig, Config
 from pipeline.core.records import Diagnostic, Severity
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods.defocus_branch import Sides, choose
-from pipeline.estimate.methods.defocus_sweep import Floor, Sweeps, solve
-from pipeline.estimate.methods.scaling import add_heights, add_positions
-from pipeline.estimate.types import BoolArray, Estimated, Measured
+from pipeline.estimate.methods.defocus_sweep import Sweeps, solve
+from pipeline.estimate.methods.scaling import with_heights, with_positions
+from pipeline.estimate.types import BoolArray, CameraBlur, Estimated, Measured
 from pipeline.measure.blur.expected import FLOOR_PX, FLOOR_STD_PX
 from pipeline.optics.defocus import diffraction_sigma_um, dioptres, radius_per_dioptre_um
 
@@ -54,51 +53,37 @@ class Vergence:
     common: FloatArray  # and of what the frames of a track share: floor and lens
 
 
-@dataclass(frozen=True, slots=True)
-class CameraBlur:
-    """What the blur of all of a camera says, or that of a fair sample of its tracks."""
-
-    contradicted: Diagnostic | None = None
-    floor: tuple[Floor, ...] | None = None  # by sweeps
-
-
-def learn(geometry: Geometry, config: Config, others: Mapping[Method, Estimated]) -> CameraBlur:
+def learn(geometry: Geometry, config: Config) -> CameraBlur:
     """Return what cannot be told of a few tracks alone; arguments as those of `estimate`."""
     m = geometry.measured
     if m.blur_sigma_px is None or not np.isfinite(m.blur_sigma_px).any():
         return CameraBlur()
     blur = BlurVariance.of(geometry, config.camera_named(m.camera))
-    contradicted = _contradiction(blur, m, others)
+    contradicted = _contradiction(blur, m, geometry.earlier)
     if contradicted:
         return CameraBlur(contradicted)
     _, sweeps = _vergence(blur.without(_moving(blur, m)), m, None)
     return CameraBlur(floor=sweeps.rounds if sweeps else None)
 
 
-def estimate(
-    geometry: Geometry,
-    config: Config,
-    others: Mapping[Method, Estimated],
-    camera: CameraBlur | None = None,
-) -> tuple[Estimated, list[Diagnostic]]:
-    """Return depths by the blur of edges, and what is to be said of those that have none.
+def estimate(geometry: Geometry, config: Config) -> Estimated:
+    """Return depths by the blur of edges, with notes on those that have none.
 
     Args:
-        geometry: the boxes and their blur.
+        geometry: the boxes and their blur. The estimates of earlier methods tell the side of focus and
+            whether the lens data can be believed; they do not move the depth. `measured.camera_blur`
+            is what all of the camera says, where these are some of its tracks.
         config: the camera's softness, where it was calibrated.
-        others: the estimates of other methods, which tell the side of focus and whether the lens data
-            can be believed. They do not move the depth.
-        camera: what all of the camera says, where these are some of its tracks.
     """
-    m = geometry.measured
-    estimated = Estimated(len(m))
+    m, others, camera = geometry.measured, geometry.earlier, geometry.measured.camera_blur
+    estimated = Estimated.unknown(len(m))
     if m.blur_sigma_px is None or not np.isfinite(m.blur_sigma_px).any():
-        return estimated, []
+        return estimated
     blur = BlurVariance.of(geometry, config.camera_named(m.camera))
     notes = []
     contradicted = camera.contradicted if camera else _contradiction(blur, m, others)
     if contradicted:
-        return estimated, [] if camera else [contradicted]
+        return estimated if camera else replace(estimated, notes=(contradicted,))
     moving = _moving(blur, m)
     if moving.any():
         text = "blur may be motion: the object moves too far while the shutter is open; no depth"
@@ -122,16 +107,21 @@ def estimate(
         notes.append(_note(m, "branch_unknown", text, int(unknown.sum())))
     far = branch < 0
     near = branch > 0
-    estimated.depth_m = np.where(near, sides.near_m, np.where(far, sides.far_m, np.nan))
-    known = np.isfinite(estimated.depth_m)
-    noise_m = estimated.depth_m**2 * vergence.noise
-    common_m = estimated.depth_m**2 * np.hypot(vergence.common, focus_std_per_m(m.focus_distance_m))
-    estimated.depth_std_m = np.hypot(noise_m, common_m)
-    estimated.depth_common_std_m = np.where(known, common_m, 0.0)
-    estimated.branch[known & near], estimated.branch[known & far] = "near", "far"
-    _heights(estimated, geometry)
-    add_positions(estimated, geometry)
-    return estimated, notes
+    depth_m = np.where(near, sides.near_m, np.where(far, sides.far_m, np.nan))
+    known = np.isfinite(depth_m)
+    noise_m = depth_m**2 * vergence.noise
+    common_m = depth_m**2 * np.hypot(vergence.common, focus_std_per_m(m.focus_distance_m))
+    side = np.full(len(m), None, dtype=np.object_)
+    side[known & near], side[known & far] = "near", "far"
+    estimated = replace(
+        estimated,
+        depth_m=depth_m,
+        depth_std_m=np.hypot(noise_m, common_m),
+        depth_common_std_m=np.where(known, common_m, 0.0),
+        branch=side,
+        notes=tuple(notes),
+    )
+    return with_positions(_with_heights(estimated, geometry), geometry)
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +240,7 @@ def _moving(blur: BlurVariance, m: Measured) -> BoolArray:
 
 
 def _contradiction(
-    blur: BlurVariance, m: Measured, others: Mapping[Method, Estimated]
+    blur: BlurVariance, m: Measured, others: Mapping[str, Estimated]
 ) -> Diagnostic | None:
     """Return a complaint where most blur of a camera is not what the stated lens gives there.
 
@@ -282,7 +272,7 @@ def _contradiction(
     return _note(m, "blur_contradicts_lens", text, int(against.sum()), Severity.WARNING)
 
 
-def surest(others: Mapping[Method, Estimated], count: int) -> tuple[FloatArray, FloatArray]:
+def surest(others: Mapping[str, Estimated], count: int) -> tuple[FloatArray, FloatArray]:
     """Return the depth of the other method that is surest of each observation, and its deviation."""
     if not others:
         return np.full(count, np.nan), np.full(count, np.nan)
@@ -293,23 +283,28 @@ def surest(others: Mapping[Method, Estimated], count: int) -> tuple[FloatArray, 
     return depth[best, columns], std[best, columns]
 
 
-def _heights(estimated: Estimated, geometry: Geometry) -> None:
-    """Add heights. Without a pose H = o d / v: here the focus distance is a fact, infinity too."""
+def _with_heights(estimated: Estimated, geometry: Geometry) -> Estimated:
+    """Return estimates with heights.
+
+    Without a pose H = o d / v: here the focus distance is a fact, infinity too.
+    """
     m = geometry.measured
     if m.ground_plane is not None and m.intrinsics is not None:
-        add_heights(estimated, geometry)
-        return
+        return with_heights(estimated, geometry)
     o_mm, v_mm = geometry.height_on_sensor_mm, geometry.image_distance_mm
     with np.errstate(invalid="ignore", divide="ignore"):
         tall_m = o_mm * estimated.depth_m / v_mm
         by_box_m = tall_m * geometry.height_std_mm / o_mm
     by_depth = o_mm / v_mm
-    noise_m = np.sqrt(np.maximum(estimated.depth_std_m**2 - estimated.depth_common_std_m**2, 0.0))
+    noise_m = estimated.depth_noise_m
     common_m = np.hypot(by_depth * estimated.depth_common_std_m, tall_m * 0.01)  # focal length
     unknown = np.isnan(tall_m)
-    estimated.height_m = tall_m
-    estimated.height_std_m = np.sqrt((by_depth * noise_m) ** 2 + by_box_m**2 + common_m**2)
-    estimated.height_common_std_m = np.where(unknown, 0.0, common_m)
+    return replace(
+        estimated,
+        height_m=tall_m,
+        height_std_m=np.sqrt((by_depth * noise_m) ** 2 + by_box_m**2 + common_m**2),
+        height_common_std_m=np.where(unknown, 0.0, common_m),
+    )
 
 
 def _note(

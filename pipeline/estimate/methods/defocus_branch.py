@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.arrays import FloatArray, IntArray
-from pipeline.core.calibration import Method
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.types import BoolArray, Estimated
 from pipeline.optics.defocus import dioptres
@@ -38,7 +37,7 @@ class Sides:
     not_far: BoolArray  # whether it is blurred by more than anything behind can be
 
 
-def choose(sides: Sides, geometry: Geometry, others: Mapping[Method, Estimated]) -> IntArray:
+def choose(sides: Sides, geometry: Geometry, others: Mapping[str, Estimated]) -> IntArray:
     """Return 1 for the near side, -1 for the far one, 0 where it is not known, (n,)."""
     m = geometry.measured
     stretch = _stretches(geometry, np.isfinite(sides.near_m))
@@ -77,7 +76,7 @@ def _stretches(geometry: Geometry, resolved: BoolArray) -> IntArray:
     return np.asarray(number.reindex(np.arange(len(m))), dtype=np.int64)
 
 
-def _by_depth(sides: Sides, others: Mapping[Method, Estimated]) -> FloatArray:
+def _by_depth(sides: Sides, others: Mapping[str, Estimated]) -> FloatArray:
     """Return how much likelier the near side is by another method's depth: half the difference of z^2."""
     result = np.full(len(sides.near_m), np.nan)
     for other in others.values():

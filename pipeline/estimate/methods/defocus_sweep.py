@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.arrays import FloatArray, IntArray
-from pipeline.estimate.types import Measured
+from pipeline.estimate.types import Measured, SweepFloor
 
 # An object stands still while its box moves and grows by no more than this share of its size: twice
 # the error of a box of fifty pixels, and 3 % of the depth.
@@ -30,24 +30,15 @@ ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Floor:
-    """What all sweeps of a camera have in common, in one round of the fit."""
-
-    px2: float
-    px2_std: float
-    scale: float  # by which points scatter more than they should
-
-
-@dataclass(frozen=True, slots=True)
 class Sweeps:
-    """What sweeps say: the floor, and u^2 of the observations that belong to one (NaN elsewhere)."""
+    """Fit of all sweeps: the floor, and u^2 of the observations that belong to one (NaN elsewhere)."""
 
     floor_px2: float
     floor_px2_std: float
     u2: FloatArray
     u2_std: FloatArray
     count: int
-    rounds: tuple[Floor, ...]
+    rounds: tuple[SweepFloor, ...]
 
     @property
     def floor_px_std(self) -> float:
@@ -61,7 +52,7 @@ def solve(
     std: FloatArray,
     per_dioptre2: FloatArray,
     floor: tuple[FloatArray, FloatArray],
-    rounds: tuple[Floor, ...] | None = None,
+    rounds: tuple[SweepFloor, ...] | None = None,
 ) -> Sweeps | None:
     """Return the floor and the objects' u^2 by all sweeps of a camera; None where there is none.
 
@@ -87,7 +78,7 @@ def solve(
     weight = 1.0 / std[rows] ** 2
     prior, prior_std = (float(np.nanmedian(f[rows])) for f in floor)
     prior_std *= PRIOR_WIDENED
-    said: list[Floor] = []
+    said: list[SweepFloor] = []
     for number in range(ROUNDS):
         known = rounds[number] if rounds else None
         found, slope, slope_std, by_floor, off = _line(g, x, y, weight, prior, prior_std, known)
@@ -100,7 +91,7 @@ def solve(
     return Sweeps(found.px2, found_std, u2, u2_std, int(g.max()) + 1, tuple(said))
 
 
-def _unsure(floor: Floor) -> float:
+def _unsure(floor: SweepFloor) -> float:
     """Return the standard deviation of a floor, px^2."""
     return float(np.hypot(floor.px2_std, 2 * np.sqrt(max(floor.px2, 0.0)) * LEAST_STD_PX))
 
@@ -112,8 +103,8 @@ def _line(
     weight: FloatArray,
     prior: float,
     prior_std: float,
-    known: Floor | None,
-) -> tuple[Floor, FloatArray, FloatArray, FloatArray, FloatArray]:
+    known: SweepFloor | None,
+) -> tuple[SweepFloor, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Fit y = floor + slope_g x; return floor, slopes, their deviations, and residuals over theirs.
 
     The slopes are eliminated from the normal equations. Where points scatter more than they should,
@@ -137,7 +128,7 @@ def _line(
         free = max((weight > 0).sum() - n - 1, 1)
         scale = max(float(np.sqrt((off**2).sum() / free)), 1.0)
         floor_std = 1.0 / np.sqrt(certain / scale**2 + 1 / prior_std**2)
-        found = Floor(floor, float(floor_std), scale)
+        found = SweepFloor(floor, float(floor_std), scale)
     return found, slope, found.scale / np.sqrt(wxx), wx / wxx, off / found.scale
 
 

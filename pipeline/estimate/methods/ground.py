@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.core.config import Config
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.scatter import scatter_of
 from pipeline.estimate.methods.scaling import pose_variance
@@ -21,16 +22,15 @@ from pipeline.optics.ground_plane import (
 from pipeline.optics.silhouette import REACH_COMMON_STD, REACH_TRACK_STD
 
 
-def estimate(geometry: Geometry) -> Estimated:
+def estimate(geometry: Geometry, _config: Config) -> Estimated:
     """Return depths, heights and positions of what stands on the ground; the pose must be known.
 
     Where the picture cuts off the feet there is no depth; where it cuts off the head, no height.
     """
     m = geometry.measured
-    estimated = Estimated(len(m))
     plane = m.ground_plane
     if plane is None or m.intrinsics is None:
-        return estimated
+        return Estimated.unknown(len(m))
     foot, head = geometry.foot, geometry.head
     x_f, y_f, y_h = foot[:, 0], foot[:, 1], head[:, 1]
     h_m, tilt = plane.camera_height_m, plane.tilt_rad
@@ -55,28 +55,31 @@ def estimate(geometry: Geometry) -> Estimated:
     noise = (tall_by[:, 3] * geometry.foot_std) ** 2 + (tall_by[:, 4] * geometry.head_std) ** 2
 
     footless = m.truncated[:, 3]
-    estimated.depth_m = np.where(footless, np.nan, depth_m)
-    estimated.depth_std_m = np.where(footless, np.nan, depth_std_m)
-    estimated.depth_common_std_m = np.where(footless, 0.0, np.sqrt(depth_common))
-    no_height = geometry.height_cut
-    estimated.height_m = np.where(no_height, np.nan, tall_m)
-    estimated.height_std_m = np.where(no_height, np.nan, np.sqrt(tall_common + noise))
-    estimated.height_common_std_m = np.where(no_height, 0.0, np.sqrt(tall_common))
-    x_m, y_m = ground_position_m(estimated.depth_m, x_f, y_f, tilt)
-    estimated.x_m, estimated.y_m = x_m, y_m
-    half_m = np.where(np.isnan(estimated.height_m), 0.85, estimated.height_m / 2)
-    estimated.range_m = range_m(x_m, y_m, h_m, half_m)
-    return estimated
+    depth_m = np.where(footless, np.nan, depth_m)
+    no_height = m.height_cut
+    tall_m = np.where(no_height, np.nan, tall_m)
+    x_m, y_m = ground_position_m(depth_m, x_f, y_f, tilt)
+    half_m = np.where(np.isnan(tall_m), 0.85, tall_m / 2)
+    return replace(
+        Estimated.unknown(len(m)),
+        depth_m=depth_m,
+        depth_std_m=np.where(footless, np.nan, depth_std_m),
+        depth_common_std_m=np.where(footless, 0.0, np.sqrt(depth_common)),
+        height_m=tall_m,
+        height_std_m=np.where(no_height, np.nan, np.sqrt(tall_common + noise)),
+        height_common_std_m=np.where(no_height, 0.0, np.sqrt(tall_common)),
+        x_m=x_m,
+        y_m=y_m,
+        range_m=range_m(x_m, y_m, h_m, half_m),
+    )
 
 
-def with_scatter(geometry: Geometry) -> Geometry:
+def with_scatter(geometry: Geometry, config: Config) -> Geometry:
     """Return the geometry with the boxes as good as the heights of their tracks say."""
     m, plane = geometry.measured, geometry.measured.ground_plane
     if plane is None or m.intrinsics is None:
         return geometry
     tall_by = height_jacobian(plane.camera_height_m, plane.tilt_rad, geometry.foot, geometry.head)
     swing_m = np.abs(tall_by[3]) * geometry.swing_std
-    scatter = scatter_of(m, estimate(geometry), swing_m)
-    std_px = m.std_xyxy_px.copy()
-    std_px[:, [1, 3]] *= np.sqrt(scatter.ratio)[:, None]
-    return geometry.but(measured=replace(m, std_xyxy_px=std_px), scatter=scatter)
+    scatter = scatter_of(m, estimate(geometry, config), swing_m)
+    return geometry.with_scatter(scatter)

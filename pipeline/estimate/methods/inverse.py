@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.core.calibration import Method
+from pipeline.core.calibration import CalibratedMethod
 from pipeline.core.config import Config
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods.scaling import (
     Depths,
-    add_heights,
-    add_positions,
     calibrations_for,
     put,
     size_of,
     spread_m,
+    with_heights,
+    with_positions,
 )
 from pipeline.estimate.types import Estimated
 from pipeline.optics.object_size import depth_inverse_model_m, depth_inverse_model_std_m
@@ -27,8 +27,8 @@ def estimate(geometry: Geometry, config: Config) -> Estimated:
     as if they were independent, which overstates: they pull against each other.
     """
     m = geometry.measured
-    estimated = Estimated(len(m))
-    for calibration in calibrations_for(config, Method.INVERSE, m.camera):
+    estimated = Estimated.unknown(len(m))
+    for calibration in calibrations_for(config, CalibratedMethod.INVERSE, m.camera):
         rows = m.class_name == calibration.object_class
         b0_m, b1_m_mm = calibration.value("b0_m"), calibration.value("b1_m_mm")
         if not rows.any() or not np.isfinite(b0_m + b1_m_mm):
@@ -46,7 +46,5 @@ def estimate(geometry: Geometry, config: Config) -> Estimated:
             np.sqrt(np.maximum(line_variance, 0.0) + spread_m(calibration, depth_m) ** 2),
             calibration.dimension,
         )
-        put(estimated, rows, depths, calibration)
-    add_heights(estimated, geometry)
-    add_positions(estimated, geometry)
-    return estimated
+        estimated = put(estimated, rows, depths, calibration)
+    return with_positions(with_heights(estimated, geometry), geometry)

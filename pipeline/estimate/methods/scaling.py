@@ -1,13 +1,13 @@
-"""What the methods that scale a size have in common: choosing a calibration, heights, positions."""
+"""Common parts of the methods that scale a size: choice of a calibration, heights, positions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.core.arrays import FloatArray
-from pipeline.core.calibration import Calibration, Dimension, Method
+from pipeline.core.calibration import CalibratedMethod, Calibration, Dimension
 from pipeline.core.config import Config
 from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
@@ -18,7 +18,7 @@ from pipeline.optics.object_size import height_exact_m
 
 @dataclass(frozen=True, slots=True)
 class Depths:
-    """What a calibration or a prior says of all observations of a camera, (n,) each.
+    """Depths of all observations of a camera by a calibration or a prior, (n,) each.
 
     The standard deviation comes in two parts: `noise_std_m` is the box's and differs from frame to
     frame, `common_std_m` is the calibration's or the object's own and is shared along a track.
@@ -30,7 +30,7 @@ class Depths:
     dimension: Dimension
 
 
-def calibrations_for(config: Config, method: Method, camera: str) -> list[Calibration]:
+def calibrations_for(config: Config, method: CalibratedMethod, camera: str) -> list[Calibration]:
     """Return the calibrations of a method for a camera, one a class and dimension.
 
     One that names the camera goes before one that is for any.
@@ -77,8 +77,8 @@ def put(
     depths: Depths,
     calibration: Calibration | None = None,
     in_table: BoolArray | None = None,
-) -> None:
-    """Enter depths at `rows` where they are known and surer than what stands there.
+) -> Estimated:
+    """Return the estimates with depths at `rows`, where those are known and surer than what stands there.
 
     Outside the calibration's depths the estimate stands, flagged: a little beyond its range a
     calibration is still evidence. `in_table` says whether the f-number was within its table.
@@ -87,28 +87,38 @@ def put(
     with np.errstate(invalid="ignore"):
         better = np.isnan(estimated.depth_m) | (depth_std_m < estimated.depth_std_m)
     known = rows & np.isfinite(depths.depth_m) & better
-    estimated.depth_m[known] = depths.depth_m[known]
-    estimated.depth_std_m[known] = depth_std_m[known]
-    estimated.depth_common_std_m[known] = depths.common_std_m[known]
+    name = None if calibration is None else calibration.calibration_id
+    in_range = _in_range(depths.depth_m, calibration, in_table)
     # The height in the picture went into the depth, so it cannot be measured by it again.
-    estimated.height_assumed[known] = depths.dimension is Dimension.HEIGHT
-    estimated.in_calibrated_range[known] = np.nan
-    estimated.calibration_id[known] = None
+    by_height = depths.dimension is Dimension.HEIGHT
+    return replace(
+        estimated,
+        depth_m=np.where(known, depths.depth_m, estimated.depth_m),
+        depth_std_m=np.where(known, depth_std_m, estimated.depth_std_m),
+        depth_common_std_m=np.where(known, depths.common_std_m, estimated.depth_common_std_m),
+        height_assumed=np.where(known, by_height, estimated.height_assumed),
+        in_calibrated_range=np.where(known, in_range, estimated.in_calibrated_range),
+        calibration_id=np.where(known, np.array(name, dtype=np.object_), estimated.calibration_id),
+    )
+
+
+def _in_range(
+    depth_m: FloatArray, calibration: Calibration | None, in_table: BoolArray | None
+) -> FloatArray:
+    """Return 1 where a calibration holds, 0 where it does not, NaN where it states no range, (n,)."""
     if calibration is None:
-        return
-    estimated.calibration_id[known] = calibration.calibration_id
+        return np.full(len(depth_m), np.nan)
     low, high = calibration.depth_min_m, calibration.depth_max_m
     if np.isfinite(low) and np.isfinite(high):
-        inside = (depths.depth_m >= low) & (depths.depth_m <= high)
-        if in_table is not None:
-            inside &= in_table
-        estimated.in_calibrated_range[known] = inside[known]
-    elif in_table is not None:
-        estimated.in_calibrated_range[known] = in_table[known]
+        inside = (depth_m >= low) & (depth_m <= high)
+        return np.asarray(inside if in_table is None else inside & in_table, dtype=np.float64)
+    if in_table is None:
+        return np.full(len(depth_m), np.nan)
+    return in_table.astype(np.float64)
 
 
-def add_heights(estimated: Estimated, geometry: Geometry) -> None:
-    """Add heights at the estimated depths, and their standard deviations to first order.
+def with_heights(estimated: Estimated, geometry: Geometry) -> Estimated:
+    """Return estimates with heights at their depths, and standard deviations to first order.
 
     With the pose, of a vertical object standing on the ground (DESIGN, section 2). Else H = o d / v
     (Eq. 11), upright before a level camera as in the paper: v from the focus distance where that is
@@ -122,7 +132,7 @@ def add_heights(estimated: Estimated, geometry: Geometry) -> None:
     if plane is not None and m.intrinsics is not None:
         y_f, y_h, tilt = geometry.foot[:, 1], geometry.head[:, 1], plane.tilt_rad
         across = np.cos(tilt) - y_h * np.sin(tilt)
-        tall_m = np.where(geometry.height_cut, np.nan, height_m(depth_m, y_f, y_h, tilt))
+        tall_m = np.where(m.height_cut, np.nan, height_m(depth_m, y_f, y_h, tilt))
         by_foot_m = depth_m / across
         by_head_m = by_foot_m * (tall_m / depth_m * np.sin(tilt) - 1.0)
         noise_m = np.hypot(by_foot_m * geometry.foot_std, by_head_m * geometry.head_std)
@@ -149,16 +159,16 @@ def add_heights(estimated: Estimated, geometry: Geometry) -> None:
     with np.errstate(invalid="ignore"):
         tall_m = np.where(tall_m > 0, tall_m, np.nan)
     assumed = estimated.height_assumed
-    depth_noise_m = np.sqrt(
-        np.maximum(estimated.depth_std_m**2 - estimated.depth_common_std_m**2, 0.0)
-    )
     # Where the depth came from this same height in the picture, the box's error cancels.
-    noise_m = np.where(assumed, 0.0, np.hypot(noise_m, by_depth * depth_noise_m))
+    noise_m = np.where(assumed, 0.0, np.hypot(noise_m, by_depth * estimated.depth_noise_m))
     common_m = np.hypot(by_depth * estimated.depth_common_std_m, tilt_std_m)
     unknown = np.isnan(tall_m)
-    estimated.height_m = tall_m
-    estimated.height_std_m = np.where(unknown, np.nan, np.hypot(noise_m, common_m))
-    estimated.height_common_std_m = np.where(unknown, 0.0, common_m)
+    return replace(
+        estimated,
+        height_m=tall_m,
+        height_std_m=np.where(unknown, np.nan, np.hypot(noise_m, common_m)),
+        height_common_std_m=np.where(unknown, 0.0, common_m),
+    )
 
 
 def pose_variance(by_pose: FloatArray, by_focal: FloatArray, plane: GroundPlane) -> FloatArray:
@@ -182,24 +192,23 @@ def tilt_and_focal(by_tilt: FloatArray, by_focal: FloatArray, plane: GroundPlane
     return pose_variance(np.stack([zero, by_tilt, zero], axis=1), by_focal, plane)
 
 
-def add_positions(estimated: Estimated, geometry: Geometry) -> None:
-    """Add the range to the middle of the box, and the position.
+def with_positions(estimated: Estimated, geometry: Geometry) -> Estimated:
+    """Return estimates with the range to the middle of the box, and the position.
 
     With the pose the position is that of the foot on the ground (of the box's middle, where the
     feet are cut off); without it, along the ray through the middle of the box.
     """
     m = geometry.measured
     depth_m, middle = estimated.depth_m, geometry.middle
-    estimated.range_m = depth_m * np.sqrt(1.0 + (middle**2).sum(axis=1))
-    estimated.x_m = depth_m * middle[:, 0]
-    estimated.y_m = np.where(np.isnan(middle[:, 0]), np.nan, depth_m)
+    away_m = depth_m * np.sqrt(1.0 + (middle**2).sum(axis=1))
     plane = m.ground_plane
     if plane is None or m.intrinsics is None:
-        return
+        y_m = np.where(np.isnan(middle[:, 0]), np.nan, depth_m)
+        return replace(estimated, range_m=away_m, x_m=depth_m * middle[:, 0], y_m=y_m)
     stands = ~m.truncated[:, 3]
     at = np.where(stands[:, None], geometry.foot, middle)
     x_m, y_m = ground_position_m(depth_m, at[:, 0], at[:, 1], plane.tilt_rad)
-    estimated.x_m, estimated.y_m = x_m, y_m
     on_ground = stands & np.isfinite(estimated.height_m)
-    away_m = range_m(x_m, y_m, plane.camera_height_m, estimated.height_m / 2)
-    estimated.range_m = np.where(on_ground, away_m, estimated.range_m)
+    to_middle_m = range_m(x_m, y_m, plane.camera_height_m, estimated.height_m / 2)
+    away_m = np.where(on_ground, to_middle_m, away_m)
+    return replace(estimated, range_m=away_m, x_m=x_m, y_m=y_m)

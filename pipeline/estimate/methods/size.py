@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from pipeline.core.arrays import FloatArray
-from pipeline.core.calibration import Calibration, Dimension, Method
+from pipeline.core.calibration import CalibratedMethod, Calibration, Dimension
 from pipeline.core.config import Config, SizePrior
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods.scaling import (
     Depths,
-    add_heights,
-    add_positions,
     angle_of,
     calibrations_for,
     put,
     size_of,
     spread_m,
     tilt_and_focal,
+    with_heights,
+    with_positions,
 )
 from pipeline.estimate.types import BoolArray, Estimated
 from pipeline.optics.object_size import depth_from_size_m, depth_from_size_std_m
@@ -35,29 +36,32 @@ def estimate(geometry: Geometry, config: Config) -> Estimated:
     With a prior on height the height is assumed, not measured: it is the prior's mean, and marked.
     """
     m = geometry.measured
-    estimated = Estimated(len(m))
+    estimated = Estimated.unknown(len(m))
     calibrated = np.zeros(len(m), dtype=np.bool_)
-    for calibration in calibrations_for(config, Method.SIZE, m.camera):
+    for calibration in calibrations_for(config, CalibratedMethod.SIZE, m.camera):
         rows = m.class_name == calibration.object_class
         if rows.any() and calibration.value("object_size_m") > 0:
-            put(estimated, rows, _by_calibration(geometry, calibration), calibration)
+            estimated = put(estimated, rows, _by_calibration(geometry, calibration), calibration)
             calibrated |= rows
     assumed: list[tuple[SizePrior, BoolArray]] = []
     for prior in config.size_prior:
         rows = (m.class_name == prior.object_class) & ~calibrated
         if not rows.any():
             continue
-        before = estimated.depth_m.copy()
-        put(estimated, rows, _by_prior(geometry, prior, config))
-        changed = rows & (estimated.depth_m != before) & np.isfinite(estimated.depth_m)
+        before_m = estimated.depth_m
+        estimated = put(estimated, rows, _by_prior(geometry, prior, config))
+        changed = rows & (estimated.depth_m != before_m) & np.isfinite(estimated.depth_m)
         assumed.append((prior, changed & estimated.height_assumed))
-    add_heights(estimated, geometry)
+    estimated = with_heights(estimated, geometry)
     for prior, rows in assumed:
-        estimated.height_m[rows] = prior.mean_m
-        estimated.height_std_m[rows] = prior.any_std_m
-        estimated.height_common_std_m[rows] = prior.any_std_m
-    add_positions(estimated, geometry)
-    return estimated
+        std_m = prior.any_std_m
+        estimated = replace(
+            estimated,
+            height_m=np.where(rows, prior.mean_m, estimated.height_m),
+            height_std_m=np.where(rows, std_m, estimated.height_std_m),
+            height_common_std_m=np.where(rows, std_m, estimated.height_common_std_m),
+        )
+    return with_positions(estimated, geometry)
 
 
 def _by_calibration(geometry: Geometry, calibration: Calibration) -> Depths:

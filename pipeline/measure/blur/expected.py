@@ -1,4 +1,4 @@
-"""Whether blur can tell the depth of an object: decided by lens data, before a pixel is touched.
+"""Choice of objects whose blur can tell their depth, by lens data, before a pixel is touched.
 
 A surveillance camera's blur does not change over the depths at which people stand before it. Then
 nothing is decoded at full size and nothing is measured.
@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from pipeline.core.arrays import FloatArray
-from pipeline.core.calibration import Dimension, Method
+from pipeline.core.calibration import CalibratedMethod, Dimension
 from pipeline.core.config import CameraConfig, Config
 from pipeline.core.lens import Lens
 from pipeline.optics.defocus import (
@@ -37,7 +37,7 @@ SPREAD = 3.0
 
 
 class Declined(StrEnum):
-    """Why an object has no blur."""
+    """Reasons for which an object has no blur."""
 
     LENS_UNKNOWN = "lens_unknown"  # f-number, focal length, focus distance or pixel pitch
     # At no depth where it can be would it blur more than the lens does, or its box is too small.
@@ -50,7 +50,7 @@ class Declined(StrEnum):
 
 
 def known(lens: Lens) -> bool:
-    """Whether blur would say anything at all: the four facts that it needs."""
+    """Return whether blur would say anything at all: the four facts that it needs."""
     return (
         lens.f_number > 0
         and lens.focal_length_mm > 0
@@ -110,7 +110,7 @@ def _size_bounds(name: str, config: Config, camera: str) -> tuple[int, float, fl
     """Return which side of the box (0 width, 1 height, 2 the longer) and between which sizes it is."""
     for calibration in config.calibration:
         if (
-            calibration.method is Method.SIZE
+            calibration.method is CalibratedMethod.SIZE
             and calibration.object_class == name
             and calibration.camera in ("", camera)
         ):

@@ -1,4 +1,4 @@
-"""One number of an object's edges: how blurred it is, how sure that is, or why there is none."""
+"""Blur of an object from its edges: one number, its deviation, or the reason for none."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def combine(widths: Widths, box: FloatArray) -> tuple[float, float, Declined | N
 
 
 def _enough(widths: Widths, box: FloatArray) -> bool:
-    """Whether edges are enough to speak for an object."""
+    """Return whether edges are enough to speak for an object."""
     return len(widths.sigma_px) >= MIN_EDGES and _length(widths, box) >= MIN_LENGTH_OF_OUTLINE
 
 

@@ -25,7 +25,7 @@ FROM judged
 GROUP BY method, flag
 ORDER BY method, flag;
 
-COMMENT ON VIEW accuracy.by_quality IS 'Are observations that were flagged worse, and do their intervals know it? By the first flag that main.observation_quality has for them.';
+COMMENT ON VIEW accuracy.by_quality IS 'Are flagged observations worse, and are their intervals wider by as much? By the first flag that main.observation_quality has for them.';
 COMMENT ON COLUMN accuracy.by_quality.flag IS 'feet hidden, head hidden, not alone, odd shape, or nothing wrong.';
 COMMENT ON COLUMN accuracy.by_quality.estimate_count IS 'Estimates with a known truth.';
 COMMENT ON COLUMN accuracy.by_quality.mean_quality IS 'Mean of main.observation_quality.quality.';

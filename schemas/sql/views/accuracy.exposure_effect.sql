@@ -1,4 +1,4 @@
--- Does exposure explain any depth error that is left once object size is calibrated?
+-- Does exposure explain any of the depth error that remains after the object size is calibrated?
 --
 -- The paper lets k depend on luminance / N^2. If depth errors went with it, their regression on its
 -- logarithm would have a slope. Relative errors, so that near and far count alike.
@@ -39,7 +39,7 @@ SELECT
 FROM fits
 ORDER BY file_name, class_name, method;
 
-COMMENT ON VIEW accuracy.exposure_effect IS 'Does exposure explain any depth error that is left once object size is calibrated? Relative depth errors of each recording, method and class over log2(luminance / N^2), the ratio on which the paper''s k depends. An |t| below 2 is chance.';
+COMMENT ON VIEW accuracy.exposure_effect IS 'Does exposure explain any of the depth error that remains after the object size is calibrated? Relative depth errors of each recording, method and class over log2(luminance / N^2), the ratio on which the paper''s k depends. An |t| below 2 is chance.';
 COMMENT ON COLUMN accuracy.exposure_effect.exposure_spread_ev IS 'Standard deviation of log2(luminance / N^2), in stops.';
 COMMENT ON COLUMN accuracy.exposure_effect.error_spread_percent IS 'Standard deviation of the relative depth errors.';
 COMMENT ON COLUMN accuracy.exposure_effect.slope_percent_per_ev IS 'By how much the error changes with each stop of exposure.';

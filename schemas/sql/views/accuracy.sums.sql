@@ -1,8 +1,8 @@
 -- What did each track contribute to the accuracy of each method?
 --   FROM accuracy.sums(['aperture', 'depth'])
--- One row a method and a track, split by the dimensions that are asked for: counts, sums, and sums
--- of squared deviations from the row's own mean (..._m2): all that accuracy.from_sums needs to add
--- rows up. Estimates are read once, however many groups are made of them.
+-- One row for each method and track, split by the dimensions that are asked for: counts, sums, and
+-- sums of squared deviations from the row's own mean (..._m2): all that accuracy.from_sums needs
+-- to add rows up. Estimates are read once, however many groups are made of them.
 CREATE OR REPLACE MACRO accuracy.sums(
     dimensions,
     edges := [0, 0.25, 0.5, 0.75, 1, 1.5, 2, 3, 5, 7.5, 10, 15, 20, 30, 40, 60, 100],
@@ -78,4 +78,4 @@ FROM sums
 LEFT JOIN main.recordings USING (recording_id)
 LEFT JOIN main.runs ON runs.run_id = sums.run_id;
 
-COMMENT ON MACRO TABLE accuracy.sums IS 'What did each track contribute to the accuracy of each method? One row a method, a track, and what is in dimensions (run, class, aperture, depth): counts, sums and sums of squared deviations, of which accuracy.from_sums makes the metrics. edges, every_run: as in accuracy.metrics.';
+COMMENT ON MACRO TABLE accuracy.sums IS 'What did each track contribute to the accuracy of each method? One row for each method, track and value of the dimensions (run, class, aperture, depth): counts, sums and sums of squared deviations, of which accuracy.from_sums makes the metrics. edges, every_run: as in accuracy.metrics.';

@@ -29,7 +29,7 @@ JOIN followed USING (recording_id, camera, track_id)
 JOIN main.recording_runs USING (recording_id, run_id)
 WHERE height_assumed IS NOT TRUE AND track_heights.height_m - followed.true_height_m IS NOT NULL;
 
-COMMENT ON VIEW accuracy.track_heights IS 'How tall is each tracked object, and how tall is it in truth? One row a track, a method and a run; assumed heights are left out.';
+COMMENT ON VIEW accuracy.track_heights IS 'How tall is each tracked object, and how tall is it in truth? One row for each track, method and run; assumed heights are left out.';
 COMMENT ON COLUMN accuracy.track_heights.matched_count IS 'Frames in which the track was matched with that object.';
 COMMENT ON COLUMN accuracy.track_heights.true_height_m IS 'True height: the median over those frames.';
 COMMENT ON COLUMN accuracy.track_heights.height_m IS 'Estimated height, all frames of the track taken together.';

@@ -29,7 +29,7 @@ FROM errors JOIN thresholds USING (method) CROSS JOIN this_database
 WHERE depth_relative_error >= threshold
 ORDER BY depth_relative_error DESC, recording_id, observation_index, method;
 
-COMMENT ON VIEW accuracy.worst IS 'Which estimates are the most wrong, and where is that to be seen? The twenty (more where they are equal) with the largest depth error relative to the truth of each method, with recording, frame and time, and the command that opens the timeline there.';
+COMMENT ON VIEW accuracy.worst IS 'Which estimates are the most wrong, and at which moment of a recording? The twenty (more where some are equal) with the largest depth error relative to the truth of each method, with recording, frame and time, and the command that opens the timeline there.';
 COMMENT ON COLUMN accuracy.worst.capture_time IS 'Capture time, UTC.';
 COMMENT ON COLUMN accuracy.worst.depth_relative_error IS 'Absolute depth error over the true depth.';
 COMMENT ON COLUMN accuracy.worst.review_command IS 'The command that opens the timeline at that moment, on that track; for a POSIX shell.';

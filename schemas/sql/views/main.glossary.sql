@@ -1,4 +1,4 @@
--- What does a column mean, wherever it turns up?
+-- What does a column mean, in every table and view that has it?
 -- One name is one thing in every table and view. The store puts these texts on the columns of views
 -- that have no comment of their own; columns of a table's name take the table's comment.
 CREATE OR REPLACE VIEW main.glossary AS
@@ -22,14 +22,14 @@ FROM (VALUES
     ('height_exact_m', 'Height by the exact magnification f / (depth - f).'),
     ('height_eq14_error_m', 'Height by Eq. 14 less the true one.'),
     ('height_exact_error_m', 'Height by the exact magnification less the true one.'),
-    ('observation_count', 'Observations that went in.'),
+    ('observation_count', 'Number of observations that were used.'),
     ('residual_df', 'Degrees of freedom of the residuals: observations less 2.'),
     ('r', 'R: absolute correlation of depth and 1 / size.'),
     ('r2', 'Share of the variance of depth that the model explains.'),
-    ('adjusted_r2', 'The same, adjusted for the degrees of freedom.'),
+    ('adjusted_r2', 'r2, adjusted for the degrees of freedom.'),
     ('std_error_m', 'Standard error of the estimate: spread of depth about the model.'),
     ('regression_ss_m2', 'Sum of squares that the model explains.'),
-    ('residual_ss_m2', 'Sum of squares that it leaves.'),
+    ('residual_ss_m2', 'Sum of squares that the model leaves.'),
     ('total_ss_m2', 'Sum of squares of depth about its mean.'),
     ('residual_ms_m2', 'Residual sum of squares over its degrees of freedom.'),
     ('sum_of_squares_m2', 'Sum of squares.'),
@@ -46,20 +46,20 @@ FROM (VALUES
     ('t', 't: coefficient over its standard error.'),
     ('b_low', 'Lower end of the coefficient''s 95 % interval.'),
     ('b_high', 'Upper end of the coefficient''s 95 % interval.'),
-    ('source', 'Where the figures come from.'),
+    ('source', 'Origin of the figures.'),
     ('actual_estimated_r', 'Correlation of actual and estimated depth.'),
     ('actual_estimated_r_low', 'Lower end of its 95 % interval.'),
     ('actual_estimated_r_high', 'Upper end of its 95 % interval.'),
     ('size_estimated_r', 'Correlation of object size and estimated depth; negative, as size shrinks with depth.'),
     ('size_estimated_r_low', 'Lower end of its 95 % interval.'),
     ('size_estimated_r_high', 'Upper end of its 95 % interval.'),
-    ('work', 'Whose figures.'),
+    ('work', 'The published work that the figures are from.'),
     ('setup', 'The camera, or the experimental set-up.'),
-    ('technique', 'How depth was found.'),
+    ('technique', 'Technique by which depth was found.'),
     ('rmse_printed', 'RMSE as printed, its unit not stated.'),
-    ('is_current', 'Whether the run is the newest that estimated the recording.'),
+    ('is_current', 'TRUE if the run is the newest that estimated the recording.'),
     ('run_label', 'The name that the user gave the run.'),
-    ('match_rule', 'How the observation was matched with the truth: object_id or overlap.'),
+    ('match_rule', 'Rule by which the observation was matched with the truth: object_id or overlap.'),
     ('object_id', 'The true object.'),
     ('true_depth_m', 'True distance along the optical axis.'),
     ('true_range_m', 'True Euclidean distance.'),
@@ -70,8 +70,8 @@ FROM (VALUES
     ('height_z', 'Height error in standard deviations.'),
     ('true_depth_from_m', 'Lower edge of the bin of true depth, included.'),
     ('true_depth_to_m', 'Upper edge of the bin of true depth, not included.'),
-    ('depth_count', 'Estimates of depth that are matched with a known depth.'),
-    ('track_count', 'Tracks that they belong to: the independent pieces of evidence.'),
+    ('depth_count', 'Number of depth estimates that are matched with a known depth.'),
+    ('track_count', 'Number of tracks that they belong to: the independent pieces of evidence.'),
     ('depth_bias_m', 'Mean depth error.'),
     ('depth_bias_low_m', 'Lower end of its 95 % interval (Student''s t, errors correlated within tracks).'),
     ('depth_bias_high_m', 'Upper end of its 95 % interval.'),
@@ -100,8 +100,8 @@ FROM (VALUES
     ('depth_coverage_95', 'Share of nominal 95 % intervals of depth that hold the truth.'),
     ('depth_interval_width_m', 'Mean width of the nominal 95 % intervals of depth.'),
     ('depth_nll', 'Mean negative log-likelihood of the true depth under a normal distribution; smaller is better.'),
-    ('out_of_range_count', 'Estimates outside the range in which their calibration was fitted.'),
-    ('height_count', 'Measured (not assumed) heights of frames that are matched with a known height.'),
+    ('out_of_range_count', 'Number of estimates outside the range in which their calibration was fitted.'),
+    ('height_count', 'Number of measured (not assumed) heights of frames that are matched with a known height.'),
     ('height_bias_m', 'Mean height error.'),
     ('height_bias_low_m', 'Lower end of its 95 % interval (Student''s t, errors correlated within tracks).'),
     ('height_bias_high_m', 'Upper end of its 95 % interval.'),
@@ -115,6 +115,6 @@ FROM (VALUES
     ('height_coverage_95', 'Share of nominal 95 % intervals of height that hold the truth.')
 ) AS words(column_name, meaning);
 
-COMMENT ON VIEW main.glossary IS 'What does a column mean, wherever it turns up?';
+COMMENT ON VIEW main.glossary IS 'What does a column mean, in every table and view that has it?';
 COMMENT ON COLUMN main.glossary.column_name IS 'Name of the column.';
-COMMENT ON COLUMN main.glossary.meaning IS 'What it means, with its unit or formula.';
+COMMENT ON COLUMN main.glossary.meaning IS 'Its meaning, with its unit or formula.';

@@ -34,7 +34,7 @@ GROUP BY
     round(estimated.true_depth_m, 3)
 ORDER BY camera, class_name, f_number, true_depth_m, file_name, object_id;
 
-COMMENT ON VIEW paper.depth_by_aperture IS 'Tables 3-7: what depth does Eq. 16 give for each object size, aperture by aperture? One row an object, a true depth (to the millimetre) and an aperture; current runs.';
+COMMENT ON VIEW paper.depth_by_aperture IS 'Tables 3-7: what depth does Eq. 16 give for each object size, aperture by aperture? One row for each object, true depth (to the millimetre) and aperture; current runs.';
 COMMENT ON COLUMN paper.depth_by_aperture.k IS 'k that the estimate stands for: depth O_s / (10 a_R f).';
 COMMENT ON COLUMN paper.depth_by_aperture.object_size_px IS 'O_s in pixels: the side of the box that the calibration uses.';
 COMMENT ON COLUMN paper.depth_by_aperture.object_size_mm IS 'O_s: that side on the sensor.';

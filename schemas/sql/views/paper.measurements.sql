@@ -23,4 +23,4 @@ JOIN main.frames
     AND frames.camera = matches.camera AND frames.frame_index = matches.frame_index
 JOIN main.recordings ON recordings.recording_id = matches.recording_id;
 
-COMMENT ON VIEW paper.measurements IS 'What size had each true object on the sensor, and with which lens settings? One row a matched observation: O_s, a_R, f and f-number of the paper. A side that the edge of the picture cuts is NULL.';
+COMMENT ON VIEW paper.measurements IS 'What size had each true object on the sensor, and with which lens settings? One row for each matched observation: O_s, a_R, f and f-number of the paper. A side that the edge of the picture cuts is NULL.';

@@ -28,6 +28,6 @@ GROUP BY
     round(true_depth_m, 3)
 ORDER BY camera, class_name, method, f_number, file_name, object_id;
 
-COMMENT ON VIEW paper.real_height IS 'Tables 9-10: how tall is each object by Eq. 14, and by the exact magnification f / (depth - f)? With the depth that each method estimated; one row an object, a true depth (to the millimetre) and an aperture; current runs.';
+COMMENT ON VIEW paper.real_height IS 'Tables 9-10: how tall is each object by Eq. 14, and by the exact magnification f / (depth - f)? With the depth that each method estimated; one row for each object, true depth (to the millimetre) and aperture; current runs.';
 COMMENT ON COLUMN paper.real_height.observation_count IS 'Observations that were averaged.';
 COMMENT ON COLUMN paper.real_height.height_m IS 'The height that the current run estimated, by its own rule.';

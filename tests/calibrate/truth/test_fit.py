@@ -16,7 +16,7 @@ from pipeline.calibrate.truth.fit import (
     says_nothing,
     size_priors_from_truth,
 )
-from pipeline.core.calibration import Dimension, Method
+from pipeline.core.calibration import CalibratedMethod, Dimension
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.optics.thin_lens import image_distance_mm
 
@@ -48,7 +48,7 @@ def by_method(calibrations):
 
 
 def test_on_the_paper_one_size_beats_the_paper_out_of_sample():
-    size = by_method(calibrate_from_truth(paper_table()))[Method.SIZE]
+    size = by_method(calibrate_from_truth(paper_table()))[CalibratedMethod.SIZE]
     assert size.dimension is Dimension.WIDTH  # the height fills the picture and says nothing
     assert size.loo_rmse_m < 0.025 < 0.0323  # the paper's own: 3.23 cm
     assert size.observation_count == 34
@@ -58,8 +58,8 @@ def test_on_the_paper_one_size_beats_the_paper_out_of_sample():
 
 
 def test_on_the_paper_the_bound_of_k_is_active_at_f_1_8_and_costs():
-    bounded = by_method(calibrate_from_truth(paper_table()))[Method.APERTURE]
-    free = by_method(calibrate_from_truth(paper_table(), k_bounds=None))[Method.APERTURE]
+    bounded = by_method(calibrate_from_truth(paper_table()))[CalibratedMethod.APERTURE]
+    free = by_method(calibrate_from_truth(paper_table(), k_bounds=None))[CalibratedMethod.APERTURE]
     n, k, k_std = free.by_f_number("k")
     np.testing.assert_array_equal(n, [1.8, 2.8, 3.2, 3.5, 4.0])
     assert k[0] == pytest.approx(0.4286, abs=1e-3)
@@ -72,7 +72,7 @@ def test_on_the_paper_the_bound_of_k_is_active_at_f_1_8_and_costs():
 
 def test_eq_17_is_the_line_that_numpy_fits():
     table = paper_table()
-    inverse = by_method(calibrate_from_truth(table))[Method.INVERSE]
+    inverse = by_method(calibrate_from_truth(table))[CalibratedMethod.INVERSE]
     o = table["width_on_sensor_mm"].to_numpy()
     slope, intercept = np.polyfit(1 / o, table["true_depth_m"].to_numpy(), 1)
     assert inverse.value("b1_m_mm") == pytest.approx(slope)
@@ -109,12 +109,12 @@ def test_what_was_put_in_comes_out(size_m, focal_mm, focus_m, seed, robust):
         }
     )
     found = by_method(calibrate_from_truth(table, robust=robust, k_bounds=None))
-    size = found[Method.SIZE]
+    size = found[CalibratedMethod.SIZE]
     off = abs(size.value("object_size_m") - size_m)
     assert off < 5 * size.std_error("object_size_m")
     assert size.std_error("object_size_m") == pytest.approx(0.01 * size_m / np.sqrt(n), rel=0.5)
     assert size.value("residual_relative") == pytest.approx(0.01, rel=0.4)
-    n_at, k, _ = found[Method.APERTURE].by_f_number("k")
+    n_at, k, _ = found[CalibratedMethod.APERTURE].by_f_number("k")
     np.testing.assert_allclose(10 * k * focal_mm / (2 * n_at) * 1e-3, size_m, rtol=0.02)
 
 
@@ -137,7 +137,7 @@ def test_frames_of_the_same_object_are_held_out_together():
             "object_id": [str(i) for i in objects],
         }
     )
-    size = by_method(calibrate_from_truth(table))[Method.SIZE]
+    size = by_method(calibrate_from_truth(table))[CalibratedMethod.SIZE]
     assert size.dimension is Dimension.HEIGHT
     # ten objects, not 300, average out the spread of sizes
     assert size.std_error("object_size_m") > 0.4 * 1.7 * 0.05 / np.sqrt(10)
@@ -166,7 +166,10 @@ def test_a_camera_without_f_numbers_has_no_k():
     table = table.set_column(
         table.column_names.index("f_number"), "f_number", pa.nulls(34, pa.float64())
     )
-    assert set(by_method(calibrate_from_truth(table))) == {Method.SIZE, Method.INVERSE}
+    assert set(by_method(calibrate_from_truth(table))) == {
+        CalibratedMethod.SIZE,
+        CalibratedMethod.INVERSE,
+    }
 
 
 def test_size_priors_count_objects_not_frames():
@@ -199,10 +202,10 @@ def test_three_objects_are_no_population():
 
 def test_a_fit_that_predicts_no_better_than_the_mean_is_told_apart():
     table = paper_table()
-    good = by_method(calibrate_from_truth(table))[Method.SIZE]
+    good = by_method(calibrate_from_truth(table))[CalibratedMethod.SIZE]
     assert not says_nothing(good, table)
     shuffled = np.random.default_rng(1).permutation(table["true_depth_m"].to_numpy())
     place = table.column_names.index("true_depth_m")
     noise = table.set_column(place, "true_depth_m", pa.array(shuffled))
-    bad = by_method(calibrate_from_truth(noise))[Method.SIZE]
+    bad = by_method(calibrate_from_truth(noise))[CalibratedMethod.SIZE]
     assert says_nothing(bad, noise)

@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.calibrate.truth.fit import calibrate_from_truth
 from pipeline.calibrate.truth.table import truth_table
-from pipeline.core.calibration import Method
+from pipeline.core.calibration import CalibratedMethod
 from pipeline.core.config import Config
 from pipeline.estimate.estimate_tracks import estimate
 from tests.estimate.scenes import lens, tables
@@ -46,7 +46,11 @@ def test_calibrated_and_estimated_depths_close_the_circle():
     depth_m, stored = staffs()
     table = truth_table("r", **stored, matches=matches(depth_m))
     fitted = calibrate_from_truth(table, k_bounds=None)
-    assert {c.method for c in fitted} == {Method.APERTURE, Method.SIZE, Method.INVERSE}
+    assert {c.method for c in fitted} == {
+        CalibratedMethod.APERTURE,
+        CalibratedMethod.SIZE,
+        CalibratedMethod.INVERSE,
+    }
     other_m, other = staffs(40, seed=1)
     result = estimate(**other, poses={}, config=Config(calibration=tuple(fitted))).estimates
     for method in ("aperture", "size", "inverse"):

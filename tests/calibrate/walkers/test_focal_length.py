@@ -18,7 +18,7 @@ from pipeline.calibrate.walkers.pace import Pace, pace_of
 from pipeline.calibrate.walkers.pose import best_fit
 from pipeline.calibrate.walkers.sample import chosen_tracks, sample_of
 from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS
-from pipeline.core.config import ADULT
+from pipeline.core.config import ADULT, Config
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
@@ -143,14 +143,16 @@ def test_a_focal_lengths_error_is_carried_to_depth_and_height() -> None:
     )
     none = np.zeros_like(simulated.measured.std_xyxy_px)
     measured = replace(simulated.measured, std_xyxy_px=none)
-    stated = ground.estimate(Geometry(replace(measured, ground_plane=plane)))
+    stated = ground.estimate(Geometry.of(replace(measured, ground_plane=plane)), Config())
     random, depths, heights = np.random.default_rng(0), [], []
     for draw in random.normal(size=(400, 4)) @ root.T:
         at = replace(lens, fx_px=lens.fx_px * np.exp(draw[3]), fy_px=lens.fy_px * np.exp(draw[3]))
         moved = GroundPlane(
             truth.camera_height_m + draw[0], truth.tilt_rad + draw[1], truth.roll_rad + draw[2]
         )
-        made = ground.estimate(Geometry(replace(measured, intrinsics=at, ground_plane=moved)))
+        made = ground.estimate(
+            Geometry.of(replace(measured, intrinsics=at, ground_plane=moved)), Config()
+        )
         depths.append(made.depth_m)
         heights.append(made.height_m)
     depth_ratio = np.std(depths, axis=0) / stated.depth_std_m

@@ -98,7 +98,7 @@ def scale_errors(known_of: Callable[[Scene], Known]) -> tuple[FloatArray, FloatA
 
 
 def _feet(simulated: Scene, plane: GroundPlane) -> tuple[FloatArray, FloatArray]:
-    foot = Geometry(replace(simulated.measured, ground_plane=plane)).foot
+    foot = Geometry.of(replace(simulated.measured, ground_plane=plane)).foot
     return foot, foot_depth_m(plane.camera_height_m, plane.tilt_rad, foot[:, 1])
 
 

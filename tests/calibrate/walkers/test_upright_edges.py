@@ -13,7 +13,7 @@ from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS, find_uprights
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import ADULT
 from pipeline.core.records import GroundPlane, Intrinsics
-from pipeline.estimate.boxes.geometry import camera_of
+from pipeline.estimate.boxes.ends import camera_of
 from pipeline.optics.ground_plane import (
     foot_depth_m,
     ground_position_m,

@@ -1,4 +1,4 @@
-"""The report: what it says, that it needs nothing else, and that a browser draws it."""
+"""The report: its contents, that it needs no other file, and that a browser draws it."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_the_headline_is_what_the_database_says(database: Path, page: str) -> No
 def test_the_command_writes_it(database: Path, tmp_path: Path) -> None:
     target = tmp_path / "new" / "r.html"
     assert main(["report", "--db", str(database), "-o", str(target)]) == 0
-    assert "How far away" in target.read_text(encoding="utf-8")
+    assert "Distances and heights" in target.read_text(encoding="utf-8")
 
 
 def test_every_part_is_there(page: str) -> None:
@@ -102,7 +102,7 @@ def test_a_database_without_truth_says_so(tmp_path: Path) -> None:
     run([tmp_path / "plain.mcap"], tmp_path / "x.duckdb", Config())
     write_report(tmp_path / "x.duckdb", tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "cannot be told" in text
+    assert "does not show how accurate" in text
     assert 'id="errors"' not in text
 
 

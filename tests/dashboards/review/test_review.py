@@ -1,4 +1,4 @@
-"""Review: what is found, what is shown of it, where it opens, and who can reach the viewer."""
+"""Review: recordings found, parts shown, the opening moment, and access to the viewer."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_a_moment_is_found_however_it_is_written(at: str, store: Store, tmp_path
         (Review(["people"], at="#99"), "no frame #99"),
         (Review(["people"], track=77), "no track 77"),
         (Review(["people"], track=0, camera="nowhere"), "no track 0"),
-        (Review(["people", "it's"], track=0), "of one recording"),
+        (Review(["people", "it's"], track=0), "exactly one recording"),
     ],
 )
 def test_what_is_not_there_is_said(
@@ -122,7 +122,7 @@ def test_the_worst_errors_name_the_command_that_shows_them(store: Store, tmp_pat
     assert words[:2] == ["stadimeter", "review"]
     assert words[words.index("--db") + 1] == str(store.path)
     target = tmp_path / "worst.rrd"
-    store._connection.close()  # a file is open for reading or writing once in a process
+    store.connection.close()  # a file is open for reading or writing once in a process
     assert main([*words[1:], "-o", str(target)]) == 0
     assert target.stat().st_size > 0
 

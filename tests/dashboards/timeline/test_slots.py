@@ -1,4 +1,4 @@
-"""Slots: whoever is seen together is apart, and nobody is left out without need."""
+"""Slots: tracks seen at the same time have different slots, and none is left out without need."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The timeline: what is in the file, and what a viewer shows of it."""
+"""The timeline: contents of the file, and the views that a viewer shows."""
 
 from __future__ import annotations
 

@@ -19,9 +19,11 @@ from pipeline.core.records import Boxes
 from pipeline.detect import make_detector
 from pipeline.detect.network.coco import COCO, COCO_WITH_GAPS
 from pipeline.detect.network.detector import OnnxDetector
+from pipeline.detect.network.families import FAMILIES
 from pipeline.detect.network.input import Fit, fill, normalised, place
 from pipeline.detect.network.onnx_file import read_onnx_file
-from pipeline.detect.network.output import FAMILIES, Candidates, suppress
+from pipeline.detect.network.output import Candidates
+from pipeline.detect.network.suppression import suppress
 from pipeline.images.decode import Picture
 from tests.support.footage import frame
 from tests.support.onnx_models import UINT8, model

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.records import Intrinsics
-from pipeline.estimate.boxes.geometry import camera_of
+from pipeline.estimate.boxes.ends import camera_of
 
 
 def recorded(model: str, distortion: tuple[float, ...]) -> Intrinsics:

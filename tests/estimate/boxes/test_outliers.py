@@ -1,4 +1,4 @@
-"""Boxes that do not go with their track: found by its own line, whatever the pose."""
+"""Boxes that do not fit their track: found from the track alone, with any pose."""
 
 from __future__ import annotations
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.core.config import Config
 from pipeline.core.records import GroundPlane
 from pipeline.core.tables import OBSERVATION_QUALITY
 from pipeline.estimate.boxes.gait_phase import stride_phase_rad
@@ -151,7 +152,7 @@ def test_a_wall_and_a_second_person_show_without_any_pose() -> None:
 def test_a_wall_and_a_second_person_show_beside_the_tracks_height() -> None:
     m = wall_and_second_person()
     clean = assess(walk()[0])  # as if the boxes alone told nothing
-    track = beside_track(Geometry(m), ground.estimate(Geometry(m)), clean)
+    track = beside_track(Geometry.of(m), ground.estimate(Geometry.of(m), Config()), clean)
     found = with_track(clean, track)
     np.testing.assert_array_equal(np.flatnonzero(~found.contact_visible), np.arange(20, 25))
     np.testing.assert_array_equal(np.flatnonzero(~found.alone), np.arange(40, 44))
@@ -169,8 +170,8 @@ def test_every_method_weighs_hidden_feet_less_and_keeps_them() -> None:
         track_id=np.arange(2),
         std_xyxy_px=np.full((2, 4), 1.0),
     )
-    plain = ground.estimate(Geometry(both))
-    judged = ground.estimate(Geometry(assess(both).applied(both)))
+    plain = ground.estimate(Geometry.of(both), Config())
+    judged = ground.estimate(Geometry.of(assess(both).applied(both)), Config())
     np.testing.assert_array_equal(judged.depth_m, plain.depth_m)
     assert judged.depth_std_m[0] > 10 * plain.depth_std_m[0]
     assert judged.depth_std_m[1] == plain.depth_std_m[1]

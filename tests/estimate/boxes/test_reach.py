@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.core.config import Config
 from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.reach import with_reach
 from pipeline.estimate.methods import ground
@@ -30,10 +31,12 @@ def walk(heading_rad: float, speed_m_s: float = 1.3) -> tuple[object, np.ndarray
 @pytest.mark.parametrize("heading_deg", [-90, -30, 0, 60, 90])
 def test_walkers_are_put_where_they_are_and_are_as_tall(heading_deg: float) -> None:
     m, y_m = walk(np.deg2rad(heading_deg))
-    found = ground.estimate(with_reach(m))
+    found = ground.estimate(with_reach(m), Config())
     assert np.median(found.y_m - y_m) == pytest.approx(0.0, abs=0.02)
     assert np.median(found.height_m) == pytest.approx(TALL_M, abs=0.01)
-    lines = ground.estimate(with_reach(replace(m, class_name=np.full(100, "car", object))))
+    lines = ground.estimate(
+        with_reach(replace(m, class_name=np.full(100, "car", object))), Config()
+    )
     assert np.median(lines.y_m - y_m) < -0.03
 
 

@@ -7,8 +7,7 @@ import pytest
 
 from pipeline.estimate.boxes.scatter import BEST, Scatter, scatter_of
 from pipeline.estimate.gait import GAIT_STD_M
-from pipeline.estimate.types import Estimated
-from tests.estimate.scenes import measured
+from tests.estimate.scenes import estimates, measured
 
 STEP_S = 0.125
 STATED_M = 0.05
@@ -23,10 +22,12 @@ def scattered(error_m: np.ndarray, stated_m: float = STATED_M, step_s: float = S
         np.zeros((count, 4)), track_id=np.repeat(np.arange(tracks), frames), capture_time_ns=time_ns
     )
     bob = np.random.default_rng(9).normal(0, GAIT_STD_M, count)
-    ground = Estimated(count)
-    ground.height_m = 1.7 + error_m.reshape(-1) + bob
-    ground.height_std_m = np.full(count, np.hypot(stated_m, 0.03))
-    ground.height_common_std_m = np.full(count, 0.03)
+    ground = estimates(
+        count,
+        height_m=1.7 + error_m.reshape(-1) + bob,
+        height_std_m=np.full(count, np.hypot(stated_m, 0.03)),
+        height_common_std_m=np.full(count, 0.03),
+    )
     return scatter_of(m, ground, np.zeros(count))
 
 

@@ -1,4 +1,4 @@
-"""The fused method: precision, contradiction, hidden feet, smoothing, and honest intervals."""
+"""The fused method: precision, contradiction, hidden feet, smoothing, and coverage of intervals."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import pytest
 
 from bench.walkers import scene, score
 from pipeline.calibrate.walkers.pose import calibrate_from_walkers
-from pipeline.core.calibration import Method
-from pipeline.core.config import ADULT
+from pipeline.core.config import ADULT, Config
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
@@ -20,16 +19,18 @@ from pipeline.estimate.gait import GAIT_DROP_M
 from pipeline.estimate.methods import ground
 from pipeline.estimate.track_heights import track_heights
 from pipeline.estimate.types import Estimated, Measured
-from tests.estimate.scenes import measured, people
+from tests.estimate.scenes import estimates, measured, people
 
 PLANE = GroundPlane(6.0, 0.25, 0.0, np.diag([0.05, 0.003, 0.003]) ** 2)
 
 
 def by(depth_m: list[float], std_m: list[float], common_m: float = 0.0) -> Estimated:
-    made = Estimated(len(depth_m))
-    made.depth_m, made.depth_std_m = np.array(depth_m), np.array(std_m)
-    made.depth_common_std_m = np.full(len(depth_m), common_m)
-    return made
+    return estimates(
+        len(depth_m),
+        depth_m=np.array(depth_m),
+        depth_std_m=np.array(std_m),
+        depth_common_std_m=np.full(len(depth_m), common_m),
+    )
 
 
 def lensless(n: int, **changes: object) -> Measured:
@@ -37,7 +38,7 @@ def lensless(n: int, **changes: object) -> Measured:
 
 
 def walk(n: int = 60, noise_px: float = 0.0, seed: int = 0, tall_m: float = 1.75) -> tuple:
-    """Return boxes of somebody who walks from 12 to 20 m, where they are, and their depth."""
+    """Return boxes of a person who walks from 12 to 20 m, their positions, and their depths."""
     y_m = np.linspace(12, 20, n)
     x_m = np.linspace(-2, 2, n)
     box = people(x_m, y_m, np.full(n, tall_m), PLANE)
@@ -53,14 +54,14 @@ def estimated(box: np.ndarray, **changes: object) -> tuple[Measured, Estimated]:
     std = np.full(box.shape, 2.0)
     m = measured(box, ground_plane=PLANE, capture_time_ns=time_ns, std_xyxy_px=std)
     m = replace(m, **changes)
-    geometry = Geometry(m)
-    return m, fused.estimate(geometry, {Method.GROUND: ground.estimate(geometry)})
+    geometry = Geometry.of(m)
+    return m, fused.estimate(geometry, {"ground": ground.estimate(geometry, Config())})
 
 
 def test_depths_are_weighted_by_precision() -> None:
     m = lensless(2, track_id=np.arange(2))
-    members = {Method.SIZE: by([10.0, 10.0], [1.0, 1.0]), Method.DEFOCUS: by([11.0, 10], [0.5, 2])}
-    found = fused.estimate(Geometry(m), members)
+    members = {"size": by([10.0, 10.0], [1.0, 1.0]), "defocus": by([11.0, 10], [0.5, 2])}
+    found = fused.estimate(Geometry.of(m), members)
     assert found.depth_m[0] == pytest.approx((10 * 1 + 11 * 4) / 5)
     assert found.depth_std_m[0] == pytest.approx(1 / np.sqrt(5))
     assert (found.depth_std_m <= [0.5, 1.0]).all()
@@ -74,22 +75,27 @@ def test_a_second_method_on_the_same_box_adds_nothing() -> None:
     size = by(list(10 + edge), [0.3] * n)
     aperture = by(list(10 + edge), [0.3] * n)
     m = lensless(n, track_id=np.arange(n))
-    found = fused.estimate(Geometry(m), {Method.SIZE: size, Method.APERTURE: aperture})
+    found = fused.estimate(Geometry.of(m), {"size": size, "aperture": aperture})
     z = (found.depth_m - 10) / found.depth_std_m
     assert np.std(z) == pytest.approx(1.0, abs=0.04)
     other = by(list(10 + random.normal(0, 0.3, n)), [0.3] * n)  # of a blur: its own error
-    found = fused.estimate(Geometry(m), {Method.SIZE: size, Method.DEFOCUS: other})
+    found = fused.estimate(Geometry.of(m), {"size": size, "defocus": other})
     assert np.std((found.depth_m - 10) / found.depth_std_m) == pytest.approx(1.0, abs=0.04)
     assert found.depth_std_m[0] == pytest.approx(0.3 / np.sqrt(2))
 
 
 def test_calibrations_that_contradict_each_other_make_it_less_sure() -> None:
     m = lensless(2, track_id=np.arange(2))
-    one, other = by([10.0, 10.0], [0.1, 0.1], 0.1), by([10.05, 11.0], [0.1, 0.1], 0.1)
-    for made in (one, other):
-        made.height_m, made.height_std_m = made.depth_m / 10, made.depth_std_m / 10
-        made.height_common_std_m = made.depth_common_std_m / 10
-    found = fused.estimate(Geometry(m), {Method.SIZE: one, Method.APERTURE: other})
+    one, other = (
+        replace(
+            made,
+            height_m=made.depth_m / 10,
+            height_std_m=made.depth_std_m / 10,
+            height_common_std_m=made.depth_common_std_m / 10,
+        )
+        for made in (by([10.0, 10.0], [0.1, 0.1], 0.1), by([10.05, 11.0], [0.1, 0.1], 0.1))
+    )
+    found = fused.estimate(Geometry.of(m), {"size": one, "aperture": other})
     assert found.depth_std_m[0] == pytest.approx(0.1)
     assert found.depth_m[1] == pytest.approx(10.5)
     # both ends lie 0.5 from the mean: a scale factor of 0.5 sqrt(2) / 0.1
@@ -99,7 +105,7 @@ def test_calibrations_that_contradict_each_other_make_it_less_sure() -> None:
 
 def test_one_method_alone_stays_as_it_is() -> None:
     m = lensless(3, track_id=np.arange(3))
-    found = fused.estimate(Geometry(m), {Method.SIZE: by([5.0, np.nan, 7.0], [0.5, np.nan, 0.7])})
+    found = fused.estimate(Geometry.of(m), {"size": by([5.0, np.nan, 7.0], [0.5, np.nan, 0.7])})
     np.testing.assert_allclose(found.depth_m, [5.0, np.nan, 7.0])
     np.testing.assert_allclose(found.depth_std_m, [0.5, np.nan, 0.7])
 
@@ -107,15 +113,15 @@ def test_one_method_alone_stays_as_it_is() -> None:
 def test_a_method_that_contradicts_the_surest_all_along_a_track_is_left_out() -> None:
     m = lensless(20, track_id=np.repeat([1, 2], 10))
     sure, unsure = by([10.0] * 20, [0.2] * 20), by([15.0] * 10 + [10.5] * 10, [0.6] * 20)
-    found = fused.estimate(Geometry(m), {Method.GROUND: sure, Method.SIZE: unsure})
+    found = fused.estimate(Geometry.of(m), {"ground": sure, "size": unsure})
     np.testing.assert_allclose(found.depth_m[:10], 10.0)
     assert (found.depth_m[10:] > 10.01).all()
 
 
 def test_what_methods_share_is_not_made_smaller() -> None:
     m = lensless(1)
-    members = {Method.SIZE: by([10.0], [1.0], 1.0), Method.APERTURE: by([10.0], [1.0], 1.0)}
-    assert fused.estimate(Geometry(m), members).depth_std_m[0] == pytest.approx(1.0)
+    members = {"size": by([10.0], [1.0], 1.0), "aperture": by([10.0], [1.0], 1.0)}
+    assert fused.estimate(Geometry.of(m), members).depth_std_m[0] == pytest.approx(1.0)
 
 
 def test_exact_boxes_give_exact_positions_and_heights() -> None:
@@ -134,7 +140,7 @@ def test_smoothing_makes_noise_smaller_and_says_by_how_much() -> None:
     for seed in range(25):
         box, depth_m = walk(noise_px=2.0, seed=seed)
         m, found = estimated(box)
-        rough = ground.estimate(Geometry(m))
+        rough = ground.estimate(Geometry.of(m), Config())
         ratios.append(np.std(found.depth_m - depth_m) / np.std(rough.depth_m - depth_m))
         noise = np.sqrt(found.depth_std_m**2 - found.depth_common_std_m**2)
         z.append((found.depth_m - depth_m) / noise)
@@ -158,12 +164,12 @@ def test_hidden_feet_are_found_by_the_head() -> None:
     hidden = slice(20, 40)
     box[hidden, 3] -= 0.3 * (box[hidden, 3] - box[hidden, 1])  # a wall a third as high
     m, found = estimated(box)
-    rough = ground.estimate(Geometry(m))
+    rough = ground.estimate(Geometry.of(m), Config())
     assert np.abs(rough.depth_m - depth_m)[hidden].min() > 1.0
     assert np.abs(found.depth_m - depth_m).max() < 0.25
     assert found.height_assumed[hidden].all()
     assert not found.height_assumed[:15].any()
-    heights = track_heights(m, found, Method.FUSED).to_pydict()
+    heights = track_heights(m, found, "fused").to_pydict()
     assert heights["height_m"][0] == pytest.approx(1.75 + GAIT_DROP_M, abs=0.02)
     assert heights["height_assumed"] == [False]
 
@@ -184,7 +190,7 @@ def test_somebody_who_stands_is_not_made_taller() -> None:
     box[:, 0] -= 15
     box[:, 2] += 15
     m, found = estimated(box)
-    heights = track_heights(m, found, Method.FUSED).to_pydict()
+    heights = track_heights(m, found, "fused").to_pydict()
     assert heights["height_m"][0] == pytest.approx(1.75, abs=0.005)
 
 
@@ -200,8 +206,8 @@ def test_it_is_no_worse_than_its_best_member_and_knows_how_good_it_is(wall_share
     ratios, found = [], []
     for _ in range(20):
         simulated = scene(random, 12, wall_share=wall_share)
-        best = score(simulated, simulated.plane, Method.GROUND)
-        found.append(score(simulated, simulated.plane, Method.FUSED))
+        best = score(simulated, simulated.plane, "ground")
+        found.append(score(simulated, simulated.plane, "fused"))
         ratios.append(found[-1].depth_relative_rms / best.depth_relative_rms)
     assert np.median(ratios) < 0.95
     assert np.max(ratios) < 1.05

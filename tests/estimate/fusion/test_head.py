@@ -1,4 +1,4 @@
-"""A box too short for its track: which of its ends is missing is told by where the track leads."""
+"""Boxes too short for their track: the direction of the track decides which end is missing."""
 
 from __future__ import annotations
 

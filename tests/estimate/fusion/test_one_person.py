@@ -1,4 +1,4 @@
-"""Heights that few people have are in doubt, and by as much as makes their intervals true."""
+"""Heights that few people have are doubtful, by an amount that makes their intervals correct."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.core.config import ADULT
+from pipeline.core.config import ADULT, Config
 from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.scatter import Scatter
@@ -54,11 +54,10 @@ def walk(tall_m: float, class_name: str = "person") -> tuple:
         std_xyxy_px=np.full((n, 4), 1.0),
         class_name=np.full(n, class_name, dtype=object),
     )
-    geometry = replace(Geometry(m), scatter=Scatter(np.full(n, 2.0), np.full(n, 0.5)))
-    made = ground.estimate(geometry)
-    before = made.height_std_m.copy(), made.depth_std_m.copy()
-    with_doubt(geometry, made, beside_track(geometry, made), [ADULT])
-    return made, made.height_std_m / before[0], made.depth_std_m / before[1]
+    geometry = replace(Geometry.of(m), scatter=Scatter(np.full(n, 2.0), np.full(n, 0.5)))
+    seen = ground.estimate(geometry, Config())
+    made = with_doubt(geometry, seen, beside_track(geometry, seen), [ADULT])
+    return made, made.height_std_m / seen.height_std_m, made.depth_std_m / seen.depth_std_m
 
 
 def test_half_a_person_is_wide_in_height_and_depth_and_nothing_else_changes() -> None:

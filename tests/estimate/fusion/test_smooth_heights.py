@@ -1,13 +1,15 @@
-"""Heights along a track, smoothed: steadier, as honest, and who sits down still does."""
+"""Smoothed heights along a track: steadier, with correct intervals; a person who sits down still does."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pipeline.estimate.fusion.smooth_heights import smooth_heights
 from pipeline.estimate.types import Estimated, Measured
-from tests.estimate.scenes import measured
+from tests.estimate.scenes import estimates, measured
 
 STEP_S = 0.1
 NOISE_M, COMMON_M = 0.05, 0.1
@@ -21,10 +23,12 @@ def track(height_m: np.ndarray, tracks: int = 1) -> tuple[Measured, Estimated]:
         track_id=np.repeat(np.arange(tracks), each),
         capture_time_ns=np.tile(np.arange(each), tracks) * round(STEP_S * 1e9),
     )
-    seen = Estimated(n)
-    seen.height_m = height_m.copy()
-    seen.height_common_std_m = np.full(n, COMMON_M)
-    seen.height_std_m = np.full(n, np.hypot(NOISE_M, COMMON_M))
+    seen = estimates(
+        n,
+        height_m=height_m,
+        height_common_std_m=np.full(n, COMMON_M),
+        height_std_m=np.full(n, np.hypot(NOISE_M, COMMON_M)),
+    )
     return m, seen
 
 
@@ -39,7 +43,7 @@ def test_errors_shrink_and_the_deviations_say_by_how_much(lasts_s: float) -> Non
         new = random.normal(0, NOISE_M * np.sqrt(1 - keep**2), tracks)
         error[:, i] = keep * error[:, i - 1] + new
     m, seen = track(1.75 + error.ravel(), tracks)
-    smooth_heights(m, seen, np.full(len(m), lasts_s))
+    seen = smooth_heights(m, seen, np.full(len(m), lasts_s))
     off = (seen.height_m - 1.75).reshape(tracks, each)
     assert off.std(axis=1).mean() < 0.8 * error.std(axis=1).mean()
     noise_m = np.sqrt(seen.height_std_m**2 - COMMON_M**2)
@@ -50,7 +54,7 @@ def test_errors_shrink_and_the_deviations_say_by_how_much(lasts_s: float) -> Non
 
 def test_what_frames_have_in_common_stays() -> None:
     m, seen = track(np.full(80, 1.75))
-    smooth_heights(m, seen)
+    seen = smooth_heights(m, seen)
     assert (seen.height_std_m >= COMMON_M).all()
     assert (seen.height_common_std_m == COMMON_M).all()
 
@@ -59,7 +63,7 @@ def test_who_sits_down_is_seen_to() -> None:
     time_s = np.arange(100) * STEP_S
     true_m = 1.75 - 0.45 * np.clip((time_s - 5.0) / 1.0, 0.0, 1.0)
     m, seen = track(true_m + np.random.default_rng(5).normal(0, NOISE_M, 100))
-    smooth_heights(m, seen, np.full(100, STEP_S))
+    seen = smooth_heights(m, seen, np.full(100, STEP_S))
     assert np.abs(seen.height_m - true_m).max() < 0.12
     assert seen.height_m[:40].mean() == pytest.approx(1.75, abs=0.02)
     assert seen.height_m[70:].mean() == pytest.approx(1.30, abs=0.03)
@@ -67,11 +71,10 @@ def test_who_sits_down_is_seen_to() -> None:
 
 def test_what_was_put_in_is_left_alone_and_does_not_count() -> None:
     m, seen = track(np.full(40, 1.75))
-    seen.height_assumed[10:20] = True
-    seen.height_m[10:20] = 1.2
-    seen.height_m[30] = np.nan
-    before = seen.height_m.copy()
-    smooth_heights(m, seen)
+    height_m, assumed = seen.height_m.copy(), np.zeros(40, dtype=np.bool_)
+    assumed[10:20], height_m[10:20], height_m[30] = True, 1.2, np.nan
+    before, seen = height_m, replace(seen, height_m=height_m, height_assumed=assumed)
+    seen = smooth_heights(m, seen)
     assert (seen.height_m[10:20] == 1.2).all()
     assert np.isnan(seen.height_m[30])
     measured_rows = ~seen.height_assumed & np.isfinite(before)

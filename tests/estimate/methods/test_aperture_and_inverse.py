@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.core.calibration import Calibration, Dimension, Method, Parameter
+from pipeline.core.calibration import CalibratedMethod, Calibration, Dimension, Parameter
 from pipeline.core.config import Config, EstimateConfig
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods import aperture, inverse
@@ -26,7 +26,7 @@ def paper_rows(name):
 
 def k_table(*rows, std=0.0, **facts):
     parameters = tuple(Parameter("k", k, std, n) for n, k in rows)
-    return Calibration(Method.APERTURE, "person", Dimension.WIDTH, parameters, **facts)
+    return Calibration(CalibratedMethod.APERTURE, "person", Dimension.WIDTH, parameters, **facts)
 
 
 def boxes(width_px, height_px=100.0):
@@ -36,7 +36,7 @@ def boxes(width_px, height_px=100.0):
 
 
 def run(rows, calibration, **config):
-    return aperture.estimate(Geometry(rows), Config(calibration=(calibration,), **config))
+    return aperture.estimate(Geometry.of(rows), Config(calibration=(calibration,), **config))
 
 
 def test_the_papers_consistent_rows_with_the_k_that_they_imply():
@@ -119,7 +119,7 @@ def test_it_holds_only_for_the_camera_and_class_that_it_was_made_on():
     assert np.isfinite(found.depth_m).tolist() == [True, False]
     assert np.isnan(run(rows, k_table((2.8, 0.66), camera="other")).depth_m).all()
     generic, own = k_table((2.8, 0.5)), k_table((2.8, 0.66), camera="cam")
-    both = aperture.estimate(Geometry(rows), Config(calibration=(generic, own)))
+    both = aperture.estimate(Geometry.of(rows), Config(calibration=(generic, own)))
     assert both.calibration_id[0] == own.calibration_id
     assert both.calibration_id[1] is None
 
@@ -151,7 +151,7 @@ def test_eq_17_and_its_error_with_correlated_coefficients():
     std, rho = np.array([0.02, 0.05]), -0.95
     cov = np.outer(std, std) * [[1, rho], [rho, 1]]
     calibration = Calibration(
-        Method.INVERSE,
+        CalibratedMethod.INVERSE,
         "person",
         Dimension.WIDTH,
         (
@@ -163,7 +163,7 @@ def test_eq_17_and_its_error_with_correlated_coefficients():
     )
     rows = measured(boxes([300.0, 900.0]), **lens(2))
     rows.std_xyxy_px[:] = 2.0
-    found = inverse.estimate(Geometry(rows), Config(calibration=(calibration,)))
+    found = inverse.estimate(Geometry.of(rows), Config(calibration=(calibration,)))
     o_mm = np.array([300, 900]) * 3.9e-3
     np.testing.assert_allclose(found.depth_m, b[0] + b[1] / o_mm)
     draws = rng.multivariate_normal(b, cov, 40_000)

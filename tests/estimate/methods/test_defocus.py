@@ -5,17 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.core.calibration import Dimension, Method
+from pipeline.core.calibration import Dimension
 from pipeline.core.config import CameraConfig, Config, SizePrior
 from pipeline.core.records import Intrinsics
 from pipeline.estimate.boxes.geometry import Geometry
-from pipeline.estimate.estimate_tracks import METHODS, fused
-from pipeline.estimate.methods import defocus, size
-from pipeline.estimate.types import Estimated
+from pipeline.estimate.fusion import fused
+from pipeline.estimate.methods import defocus, method_named, size
 from pipeline.measure.blur.expected import FLOOR_PX
 from pipeline.optics.defocus import diffraction_sigma_um
 from pipeline.optics.thin_lens import blur_radius_um, image_distance_mm
-from tests.estimate.scenes import measured
+from tests.estimate.scenes import estimates, measured
 
 PITCH_UM = 20.0
 CAMERA = Intrinsics(1000, 700, 2500.0, 2500.0, 499.5, 349.5)
@@ -53,15 +52,15 @@ def observed(
 
 
 def by_blur(m, others=None, config=CONFIG):
-    return defocus.estimate(Geometry(m), config, others or {})
+    estimated = defocus.estimate(Geometry.of(m).after(others or {}), config)
+    return estimated, estimated.notes
 
 
 def said(m, depth_m, std_m):
     """Return another method's estimates."""
-    other = Estimated(len(m))
-    other.depth_m = np.broadcast_to(np.asarray(depth_m, float), len(m)).copy()
-    other.depth_std_m = np.broadcast_to(np.asarray(std_m, float), len(m)).copy()
-    return {Method.SIZE: other}
+    depth_m = np.broadcast_to(np.asarray(depth_m, float), len(m))
+    std_m = np.broadcast_to(np.asarray(std_m, float), len(m))
+    return {"size": estimates(len(m), depth_m=depth_m, depth_std_m=std_m)}
 
 
 @settings(max_examples=25)
@@ -213,14 +212,14 @@ def prior(mean_m, std_m):
 def test_fused_weighs_blur_by_what_the_lens_gives_it():
     m = observed([1.0, 4.9], 2.8, width_m=0.11, track_id=np.arange(2))
     config = prior(0.10, 0.01)
-    by_size = size.estimate(Geometry(m), config)
-    blur, _ = by_blur(m, {Method.SIZE: by_size}, config)
-    best = fused.estimate(Geometry(m), {Method.SIZE: by_size, Method.DEFOCUS: blur})
+    by_size = size.estimate(Geometry.of(m), config)
+    blur, _ = by_blur(m, {"size": by_size}, config)
+    best = fused.estimate(Geometry.of(m), {"size": by_size, "defocus": blur})
     off = np.abs(best.depth_m - [1.0, 4.9])
     off_size = np.abs(by_size.depth_m - [1.0, 4.9])
     assert (off < 0.6 * off_size).all()
     assert (best.depth_std_m < by_size.depth_std_m).all()
 
 
-def test_defocus_is_no_method_that_needs_a_calibration():
-    assert Method.DEFOCUS not in METHODS  # it is asked after the others, which tell it the side
+def test_defocus_is_asked_after_the_others_which_tell_it_the_side():
+    assert method_named("defocus").asks_others

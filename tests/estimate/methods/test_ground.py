@@ -1,4 +1,4 @@
-"""The ground method: exact on exact boxes, silent where it cannot know, sure as it should be."""
+"""The ground method: exact on exact boxes, NaN where it does not apply, correct intervals."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bench.walkers import Scene, scene
+from pipeline.core.config import Config
 from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods import ground
@@ -35,7 +36,7 @@ def test_depths_and_heights_come_back_from_exact_boxes(simulated: Scene, roll_ra
     m = simulated.measured
     names = [n for n in m.__slots__ if isinstance(getattr(m, n), np.ndarray)]
     first = {n: getattr(m, n)[:5] for n in names} | {"bbox_xyxy_px": box}
-    found = ground.estimate(Geometry(replace(m, **first, ground_plane=plane)))
+    found = ground.estimate(Geometry.of(replace(m, **first, ground_plane=plane)), Config())
     np.testing.assert_allclose(found.height_m, 1.75, rtol=1e-5)
     np.testing.assert_allclose(found.x_m, x_m, atol=1e-4)
     np.testing.assert_allclose(found.y_m, y_m, rtol=1e-5)
@@ -50,7 +51,7 @@ def test_what_the_picture_cuts_is_not_told(simulated: Scene) -> None:
     cut = np.zeros((len(simulated.measured), 4), bool)
     cut[0, 3] = cut[1, 1] = True
     measured = replace(simulated.measured, truncated=cut, ground_plane=simulated.plane)
-    found = ground.estimate(Geometry(measured))
+    found = ground.estimate(Geometry.of(measured), Config())
     assert np.isnan(found.depth_m[0])
     assert np.isnan(found.height_m[0])
     assert np.isfinite(found.depth_m[1])
@@ -61,7 +62,7 @@ def test_what_the_picture_cuts_is_not_told(simulated: Scene) -> None:
 def test_without_a_pose_or_a_lens_there_is_nothing(simulated: Scene) -> None:
     for change in ({"ground_plane": None}, {"intrinsics": None}):
         measured = replace(simulated.measured, **({"ground_plane": simulated.plane} | change))
-        assert np.isnan(ground.estimate(Geometry(measured)).depth_m).all()
+        assert np.isnan(ground.estimate(Geometry.of(measured), Config()).depth_m).all()
 
 
 def test_the_stated_deviation_is_that_of_a_simulation(simulated: Scene) -> None:
@@ -70,7 +71,7 @@ def test_the_stated_deviation_is_that_of_a_simulation(simulated: Scene) -> None:
     covariance = np.diag([0.05**2, np.deg2rad(0.3) ** 2, np.deg2rad(0.2) ** 2])
     plane = replace(simulated.plane, covariance=covariance)
     measured = replace(simulated.measured, ground_plane=plane)
-    stated = ground.estimate(Geometry(measured))
+    stated = ground.estimate(Geometry.of(measured), Config())
     drawn = []
     for _ in range(400):
         h, t, r = random.multivariate_normal(
@@ -80,7 +81,7 @@ def test_the_stated_deviation_is_that_of_a_simulation(simulated: Scene) -> None:
         names = [n for n in measured.__slots__ if isinstance(getattr(measured, n), np.ndarray)]
         one = {n: getattr(measured, n)[[row]] for n in names} | {"bbox_xyxy_px": box}
         found = ground.estimate(
-            Geometry(replace(measured, **one, ground_plane=GroundPlane(h, t, r)))
+            Geometry.of(replace(measured, **one, ground_plane=GroundPlane(h, t, r))), Config()
         )
         drawn.append((found.depth_m[0], found.height_m[0]))
     depth_std, height_std = np.std(drawn, axis=0)

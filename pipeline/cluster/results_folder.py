@@ -1,0 +1,146 @@
+"""A folder of finished recordings, asked with the same SQL as a database, or put into one.
+
+The tables become views over Parquet files, with the same names, columns and comments; functions and
+views of `schemas/sql` are applied to them unchanged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import islice
+from pathlib import Path
+
+import duckdb
+
+from pipeline.cluster.manifest import (
+    Manifest,
+    Part,
+    describe_part,
+    file_sha256,
+    read_manifests,
+)
+from pipeline.core.errors import StoreError, Where
+from pipeline.store.connection import CONFIG
+from pipeline.store.database import Store
+from pipeline.store.parquet import FILE_TABLES, take_rows, write_rows
+from pipeline.store.recordings import has_failure_of, has_run_of
+from pipeline.store.schema import apply_schema
+
+MERGED_TOGETHER = 32  # recordings a transaction: one alone costs more in the disk than in rows
+
+# Every recording of a run brings the run's row, and the calibrations that it used.
+_ROWS = {
+    "runs": """
+        SELECT * REPLACE (min(started_at) OVER run AS started_at, max(finished_at) OVER run AS
+            finished_at)
+        FROM {files}
+        WINDOW run AS (PARTITION BY run_id)
+        QUALIFY row_number() OVER run = 1
+    """,
+    "calibrations": "SELECT DISTINCT * FROM {files}",
+}
+
+
+def export(store: Store, target: Path, folder: Path) -> dict[str, Part]:
+    """Write all rows of a store of one recording to a new folder, a Parquet file a table.
+
+    Returns what a manifest says of the files, by table.
+    """
+    files = write_rows(store, target, "zstd")
+    return {table: describe_part(folder, path) for table, path in files.items()}
+
+
+def open_shared(folder: Path) -> Store:
+    """Open a folder of finished recordings for questions, as `Store.open` does a database.
+
+    No question can reach any other file, or change one.
+
+    Raises:
+        StoreError: there are none, or they are of another version.
+    """
+    manifests = list(read_manifests(folder))
+    root = str(folder.absolute() / "parts")
+    locked = ("enable_external_access", "lock_configuration")
+    connection = duckdb.connect(config={k: v for k, v in CONFIG.items() if k not in locked})
+    connection.execute(f"SET allowed_directories = ['{_quoted(root)}']")
+    for name in locked:
+        connection.execute(f"SET {name} = {CONFIG[name]}")
+    # Views over the files come last: what is bound to a view reads the heads of files each time.
+    apply_schema(connection)
+    _views_for_tables(connection, folder.absolute(), manifests)
+    return Store(connection, folder)
+
+
+def _views_for_tables(
+    connection: duckdb.DuckDBPyConnection, folder: Path, manifests: Sequence[Manifest]
+) -> None:
+    """Put views over the files in the place of the tables; comments stay."""
+    for table in FILE_TABLES:
+        files = [str(folder / m.parts[table].path) for m in manifests if m.parts[table].rows]
+        if not files:
+            continue  # the empty table says the same
+        columns = connection.execute(
+            "SELECT column_name, data_type, comment FROM duckdb_columns() "
+            "WHERE table_name = ? AND schema_name = 'main' ORDER BY column_index",
+            [table],
+        ).fetchall()
+        (about,) = connection.execute(
+            "SELECT comment FROM duckdb_tables() WHERE table_name = ?", [table]
+        ).fetchall()
+        listed = ", ".join(f"'{_quoted(f)}'" for f in files)
+        rows = _ROWS.get(table, "SELECT * FROM {files}").format(files=f"read_parquet([{listed}])")
+        # Files that an older version wrote may lack columns: unknown.
+        unknown = ", ".join(f"NULL::{kind} AS {column}" for column, kind, _ in columns)
+        connection.execute(f"DROP TABLE {table}")
+        connection.execute(
+            f"CREATE VIEW {table} AS SELECT {unknown} WHERE FALSE UNION ALL BY NAME ({rows})"
+        )
+        connection.execute(f"COMMENT ON VIEW {table} IS '{_quoted(about[0])}'")
+        for column, _, comment in columns:
+            connection.execute(f"COMMENT ON COLUMN {table}.{column} IS '{_quoted(comment)}'")
+
+
+def _quoted(text: str) -> str:
+    return text.replace("'", "''")
+
+
+def merge(folder: Path, database: Path) -> int:
+    """Put all finished recordings into a database; return how many were not there already.
+
+    Raises:
+        StoreError: a file is missing or was changed, or the database cannot be written.
+    """
+    count = 0
+    manifests = read_manifests(folder)
+    with Store.open(database) as store:
+        while together := list(islice(manifests, MERGED_TOGETHER)):
+            missing = [m for m in together if not _is_there(store, m)]
+            for manifest in missing:
+                _check(folder, manifest)
+            with store.transaction():
+                for manifest in missing:
+                    _take(store, folder, manifest)
+            count += len(missing)
+    return count
+
+
+def _is_there(store: Store, manifest: Manifest) -> bool:
+    if manifest.failure is None:
+        return has_run_of(store, manifest.key, manifest.run_id)
+    return has_failure_of(store, Path(manifest.source.path).name, manifest.run_id)
+
+
+def _check(folder: Path, manifest: Manifest) -> None:
+    for part in manifest.parts.values():
+        path = folder / part.path
+        if not path.is_file() or file_sha256(path) != part.sha256:
+            raise StoreError(
+                "is missing, or is not what was written",
+                where=Where(path),
+                remedy=f"Delete {manifest.key}.json in manifests, then run the recording again",
+            )
+
+
+def _take(store: Store, folder: Path, manifest: Manifest) -> None:
+    files = {t: folder / p.path for t, p in manifest.parts.items() if p.rows and t in FILE_TABLES}
+    take_rows(store, manifest.key if manifest.failure is None else None, files)

@@ -1,0 +1,173 @@
+"""Rows of stored tables as arrays for the methods, and what the methods find as rows again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute
+
+from pipeline.core.arrays import FloatArray
+from pipeline.core.calibration import Calibration
+from pipeline.core.records import GroundPlane, Intrinsics
+from pipeline.core.tables import CALIBRATIONS, ESTIMATES
+from pipeline.estimate.types import Estimated, Measured, OtherBoxes
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Rows of the tables that pass 2 makes of some tracks of a camera."""
+
+    estimates: pa.Table
+    track_heights: pa.Table
+    quality: pa.Table
+
+    def by_table(self) -> dict[str, pa.Table]:
+        """Return them by the name of their table."""
+        return {
+            "estimates": self.estimates,
+            "track_heights": self.track_heights,
+            "observation_quality": self.quality,
+        }
+
+
+def measured_by_camera(
+    observations: pa.Table,
+    frames: pa.Table,
+    cameras: pa.Table,
+    poses: Mapping[str, GroundPlane],
+) -> list[Measured]:
+    """Return the observations of each camera, joined with their frames, as arrays."""
+    lens = frames.select(
+        [
+            "camera",
+            "frame_index",
+            "capture_time_ns",
+            "exposure_time_s",
+            "f_number",
+            "focal_length_mm",
+            "focus_distance_m",
+            "pixel_pitch_x_um",
+            "pixel_pitch_y_um",
+        ]
+    )
+    joined = observations.join(lens, ["camera", "frame_index"], join_type="inner")
+    joined = joined.sort_by("observation_index")
+    found = []
+    for camera in cameras.to_pylist():
+        name = camera["camera"]
+        mine = joined.filter(pa.compute.equal(joined["camera"], name))
+        if mine.num_rows:
+            found.append(measured_of(mine, camera, poses.get(name)))
+    return found
+
+
+def measured_of(
+    table: pa.Table,
+    camera: Mapping[str, Any],
+    plane: GroundPlane | None,
+    others: pa.Table | None = None,
+) -> Measured:
+    """Return observations of one camera, joined with their frames, as arrays.
+
+    Args:
+        table: the observations, in the order of their number.
+        camera: the camera's row of the table `cameras`.
+        plane: its pose, where it is known.
+        others: index, frame and box of what else is in their frames.
+    """
+
+    def number(name: str) -> FloatArray:
+        return np.asarray(table[name].to_numpy(), dtype=np.float64)
+
+    sides = ("x_min", "y_min", "x_max", "y_max")
+    names = table["class_name"].combine_chunks().dictionary_encode("encode")
+    cuts = ("left", "top", "right", "bottom")
+    return Measured(
+        camera=camera["camera"],
+        observation_index=table["observation_index"].to_numpy(),
+        frame_index=table["frame_index"].to_numpy(),
+        capture_time_ns=table["capture_time_ns"].to_numpy(),
+        track_id=table["track_id"].to_numpy(),
+        class_name=np.array(names.dictionary.to_pylist(), dtype=np.object_)[
+            names.indices.to_numpy()
+        ],
+        bbox_xyxy_px=np.stack([number(f"{s}_px") for s in sides], axis=1),
+        std_xyxy_px=np.nan_to_num(np.stack([number(f"{s}_std_px") for s in sides], axis=1)),
+        truncated=np.stack(
+            [table[f"truncated_{c}"].to_numpy().astype(np.bool_) for c in cuts], axis=1
+        ),
+        occlusion=np.nan_to_num(number("occlusion")),
+        f_number=number("f_number"),
+        focal_length_mm=number("focal_length_mm"),
+        focus_distance_m=number("focus_distance_m"),
+        pixel_pitch_x_um=number("pixel_pitch_x_um"),
+        pixel_pitch_y_um=number("pixel_pitch_y_um"),
+        intrinsics=_intrinsics(camera),
+        ground_plane=plane,
+        exposure_time_s=number("exposure_time_s"),
+        blur_sigma_px=number("blur_sigma_px"),
+        blur_std_px=number("blur_std_px"),
+        others=None if others is None or not others.num_rows else _other_boxes(others),
+    )
+
+
+def _other_boxes(table: pa.Table) -> OtherBoxes:
+    sides = [table[f"{s}_px"].to_numpy() for s in ("x_min", "y_min", "x_max", "y_max")]
+    return OtherBoxes(
+        table["observation_index"].to_numpy(),
+        table["frame_index"].to_numpy(),
+        np.stack(sides, axis=1).astype(np.float64),
+    )
+
+
+def _intrinsics(camera: Mapping[str, Any]) -> Intrinsics | None:
+    if camera["fx_px"] is None:
+        return None
+    numbers = {k: camera[k] for k in ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")}
+    return Intrinsics(
+        **numbers,
+        distortion_model=str(camera["distortion_model"] or ""),
+        distortion=tuple(camera["distortion"] or ()),
+    )
+
+
+def estimates_table(measured: Measured, estimated: Estimated, method: str) -> pa.Table:
+    """Return the rows of a method that have a depth, in the schema of the table `estimates`."""
+    known = np.isfinite(estimated.depth_m)
+    in_range = estimated.in_calibrated_range
+    columns: dict[str, object] = {
+        name: getattr(estimated, name)[known]
+        for name in ESTIMATES.names
+        if hasattr(estimated, name) and name != "in_calibrated_range"
+    }
+    columns["observation_index"] = measured.observation_index[known]
+    columns["method"] = pa.repeat(
+        pa.scalar(method, ESTIMATES.field("method").type), int(known.sum())
+    )
+    columns["in_calibrated_range"] = pa.array(in_range[known] > 0, mask=np.isnan(in_range[known]))
+    arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in ESTIMATES]
+    return pa.Table.from_arrays(arrays, schema=ESTIMATES)
+
+
+def calibrations_table(calibrations: Sequence[Calibration]) -> pa.Table:
+    """Return calibrations as rows of the table `calibrations`, one a parameter."""
+    pairs = [(c, p) for c in calibrations for p in c.parameters]
+    columns: dict[str, list[object]] = {
+        "parameter": [p.name for _, p in pairs],
+        "f_number": [p.f_number for _, p in pairs],
+        "value": [p.value for _, p in pairs],
+        "std_error": [p.std_error for _, p in pairs],
+    }
+    for name in CALIBRATIONS.names:
+        if name not in columns:
+            columns[name] = [_plain(getattr(c, name)) for c, _ in pairs]
+    arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in CALIBRATIONS]
+    return pa.Table.from_arrays(arrays, schema=CALIBRATIONS)
+
+
+def _plain(value: object) -> object:
+    return str(value) if isinstance(value, str) else value

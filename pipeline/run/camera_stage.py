@@ -1,0 +1,199 @@
+"""State of one camera during pass 1: its detector, its tracks, its background, its lens."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from typing import NamedTuple
+
+import pyarrow as pa
+
+from pipeline.core.config import Config
+from pipeline.core.diagnostics import Notes
+from pipeline.core.lens import Lens, intrinsics_of, lens_of
+from pipeline.core.records import Diagnostic, Frame, Intrinsics, Severity
+from pipeline.core.tables import CAMERAS
+from pipeline.core.timing import StageTimes
+from pipeline.detect import Detector, make_detector
+from pipeline.images.decode import Picture, decode
+from pipeline.images.raw import compressed
+from pipeline.ingest.plausibility import inside_picture
+from pipeline.ingest.pose import CameraPose
+from pipeline.measure.background_lines import Backdrop
+from pipeline.measure.observations import Seen, luminance_inside
+from pipeline.store.parquet_parts import as_table
+from pipeline.track.tracker import Tracker
+
+# The detector learns from this many pictures, spread over its learning time, during which frames
+# wait, still encoded, in at most this much memory: fifteen seconds of 1080p at 25 frames/s and 400 KB.
+LEARNING_PICTURES = 25
+LEARNING_BYTES = 160 * 1024**2
+# Stands for the size of pictures as long as none could be decoded.
+NO_SIZE = (0, 0)
+
+
+class Decoded(NamedTuple):
+    """A frame and its picture, None if it could not be decoded."""
+
+    frame: Frame
+    picture: Picture | None
+
+
+class CameraStage:
+    """The steps that one camera's frames go through, and the state that lives between them."""
+
+    def __init__(
+        self, config: Config, camera: str, topic: str, notes: Notes, *, recorded: bool
+    ) -> None:
+        self.camera = camera
+        self.topic = topic
+        self.detector: Detector = make_detector(
+            config.detect, config.camera_named(camera), recorded
+        )
+        self.tracker = Tracker(config.track, camera)
+        self.backdrop = Backdrop()
+        self.intrinsics: Intrinsics | None = None
+        self._intrinsics_source: str | None = None
+        self._config = config
+        self._settings = config.camera_named(camera)
+        self._notes = notes
+        self._size_px = NO_SIZE
+        self._learning = self.detector.learning_s > 0
+        self._waiting: list[Frame] = []
+        self._held_bytes = 0
+
+    def ready(self, frame: Frame) -> list[Frame]:
+        """Return the frames that can go on: none while the detector's learning time lasts.
+
+        Frames that wait are encoded, so they are small; pictures for learning are decoded from them.
+        """
+        if not self._learning:
+            return [frame]
+        self._waiting.append(compressed(frame))
+        waited_s = (frame.capture_time_ns - self._waiting[0].capture_time_ns) / 1e9
+        self._held_bytes += len(self._waiting[-1].image)
+        if waited_s < self.detector.learning_s and self._held_bytes < LEARNING_BYTES:
+            return []
+        return self.release()
+
+    def release(self) -> list[Frame]:
+        """End the learning time and return the frames that waited, in order."""
+        self._learning = False
+        waiting, self._waiting = self._waiting, []
+        return waiting
+
+    def decode(self, frame: Frame) -> Picture:
+        """Decode a picture as the detector wants it; called from several threads.
+
+        Raises:
+            UndecodableImage: the bytes are no picture, or one beyond the limits.
+        """
+        return self.detector.prepared(self._decode(frame, self.detector.full_resolution))
+
+    def decode_whole(self, frame: Frame) -> Picture:
+        """Decode a picture at its full resolution; called from several threads."""
+        return self._decode(frame, full_resolution=True)
+
+    def _decode(self, frame: Frame, full_resolution: bool) -> Picture:
+        limits = self._config.limits
+        return decode(
+            frame.image,
+            max_pixels=limits.image_pixels,
+            max_scans=limits.image_scans,
+            full_resolution=full_resolution,
+            min_side_px=self._config.detect.min_side_px,
+            layout=frame.layout,
+        )
+
+    def follow(self, item: Decoded, times: StageTimes) -> Seen:
+        """Detect and track in one frame; frames must come in order."""
+        frame, picture = self._without_boxes_outside(item)
+        with times.stage("detect"):
+            self.backdrop.add(picture)
+            expected = self.tracker.expected(frame.capture_time_ns)
+            boxes = self.detector.detect(frame, picture, expected)
+        with times.stage("track"):
+            ids = self.tracker.update(frame.capture_time_ns, frame.frame_index, boxes)
+        with times.stage("measure"):
+            return Seen(frame, picture, boxes, ids, luminance_inside(picture, boxes))
+
+    def _without_boxes_outside(self, item: Decoded) -> Decoded:
+        """Leave out recorded boxes that lie outside of their picture, and say so."""
+        frame, picture = item
+        if picture is None or frame.detections is None or not len(frame.detections):
+            return item
+        inside, outside = inside_picture(frame.detections, picture.width_px, picture.height_px)
+        for edges in outside:
+            size = f"{picture.width_px} x {picture.height_px}"
+            self._note(frame, "invalid_value", f"box {edges} lies outside of the picture of {size}")
+        return Decoded(replace(frame, detections=inside), picture) if outside else item
+
+    def lens(self, frame: Frame, picture: Picture | None) -> Lens:
+        """Return the lens of a frame, and learn from it how the camera sees."""
+        size_px = (picture.width_px, picture.height_px) if picture else self._size_px
+        lens = lens_of(frame.exposure, self._settings, frame.intrinsics, *size_px)
+        if picture is not None:
+            self._learn_intrinsics(frame, lens, size_px)
+        return lens
+
+    def _learn_intrinsics(self, frame: Frame, lens: Lens, size_px: tuple[int, int]) -> None:
+        """Keep the first usable intrinsics of a camera; say when a later picture differs."""
+        if size_px != self._size_px:
+            if self._size_px != NO_SIZE:
+                self._note(frame, "size_changed", f"the pictures change their size to {size_px}")
+            self._size_px = size_px
+        elif self.intrinsics is not None and (
+            self._intrinsics_source == "recording" or frame.intrinsics is None
+        ):
+            return
+        found, source, complaint = intrinsics_of(frame.intrinsics, self._settings, lens, *size_px)
+        if complaint:
+            self._note(frame, "doubtful_calibration", complaint)
+        if found is not None:
+            self._note_rounding(frame, source, lens)
+            self.intrinsics, self._intrinsics_source = found, source
+
+    def _note_rounding(self, frame: Frame, source: str | None, lens: Lens) -> None:
+        """Say that angles come from a focal length that cameras round to a millimetre."""
+        if source == "lens_data" and lens.by_equivalent:
+            share = 0.5 / lens.focal_length_35mm_mm
+            self._note(
+                frame,
+                "rounded_focal_length",
+                f"no pixel pitch is stated: the focal length for 35 mm film, "
+                f"{lens.focal_length_35mm_mm:g} mm, stands for it; it is rounded to a millimetre, "
+                f"so distances are unsure by up to {share:.1%} more than their intervals say; give "
+                "fx_px or pixel_pitch_x_um in a camera file",
+            )
+
+    def row(self, frame_id: str | None, pose: CameraPose | None) -> pa.Table:
+        """Return the camera as a row of the table `cameras`."""
+        row = dict.fromkeys(CAMERAS.names) | {
+            "camera": self.camera,
+            "topic": self.topic,
+            "frame_id": frame_id,
+            "width_px": self._size_px[0] or None,
+            "height_px": self._size_px[1] or None,
+            "intrinsics_source": self._intrinsics_source,
+        }
+        if pose is not None:
+            row |= {
+                "recorded_height_m": pose.height_m,
+                "recorded_tilt_rad": pose.tilt_rad,
+                "recorded_roll_rad": pose.roll_rad,
+                "recorded_ground_frame": pose.ground_frame,
+            }
+        if self.intrinsics is not None:
+            row |= asdict(self.intrinsics) | {"distortion": list(self.intrinsics.distortion)}
+        return as_table({name: [value] for name, value in row.items()}, CAMERAS)
+
+    def _note(self, frame: Frame, code: str, message: str) -> None:
+        self._notes.add(
+            Diagnostic(
+                Severity.WARNING,
+                code,
+                message,
+                camera=self.camera,
+                topic=frame.topic,
+                log_time_ns=frame.log_time_ns,
+            )
+        )
