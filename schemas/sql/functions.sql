@@ -113,3 +113,24 @@ CREATE OR REPLACE MACRO stats.fisher_low(r, n) AS
     CASE WHEN n > 3 AND abs(r) < 1 THEN tanh(atanh(r) - stats.normal_95() / sqrt(n - 3)) END;
 CREATE OR REPLACE MACRO stats.fisher_high(r, n) AS
     CASE WHEN n > 3 AND abs(r) < 1 THEN tanh(atanh(r) + stats.normal_95() / sqrt(n - 3)) END;
+
+-- The dimensions, as accuracy.metrics takes them, by which a column tells estimates apart; NULL for
+-- a column that is no dimension's. A new dimension is a line here, and its column in accuracy.sums
+-- and accuracy.from_sums.
+CREATE OR REPLACE MACRO accuracy.dimensions_of(column_name) AS CASE column_name
+    WHEN 'run_id' THEN ['run']
+    WHEN 'run_label' THEN ['run']
+    WHEN 'recording_id' THEN ['recording', 'track']
+    WHEN 'file_name' THEN ['recording', 'track']
+    WHEN 'camera' THEN ['camera', 'track']
+    WHEN 'class_name' THEN ['class']
+    WHEN 'track_id' THEN ['track']
+    WHEN 'f_number' THEN ['aperture']
+    WHEN 'true_depth_from_m' THEN ['depth']
+    WHEN 'true_depth_to_m' THEN ['depth']
+END;
+
+-- A value of a column, or NULL where none of its dimensions is asked for, so that rows fall together.
+CREATE OR REPLACE MACRO accuracy.if_asked(dimensions, column_name, value) AS CASE
+    WHEN list_has_any(dimensions, accuracy.dimensions_of(column_name)) THEN value
+END;

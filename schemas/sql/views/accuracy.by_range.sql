@@ -1,12 +1,6 @@
 -- How does the error grow with distance?
 CREATE OR REPLACE VIEW accuracy.by_range AS
-SELECT
-    method, true_depth_from_m, true_depth_to_m,
-    * EXCLUDE (
-        method, run_id, run_label, recording_id, file_name, camera, class_name,
-        track_id, f_number, true_depth_from_m, true_depth_to_m
-    )
-FROM accuracy.metrics(['depth'])
+FROM accuracy.metrics_by(['depth'])
 ORDER BY true_depth_from_m, method;
 
 COMMENT ON VIEW accuracy.by_range IS 'How does the error grow with distance? Bins of true depth along the axis, from true_depth_from_m up to but not including true_depth_to_m; accuracy.by_range_bins(edges) takes other edges.';

@@ -12,26 +12,17 @@ WITH keyed AS NOT MATERIALIZED (
         -- A dimension that is not asked for is NULL in every row, so that all rows fall together.
         {
             'method': method,
-            'run_id': CASE WHEN list_contains(dimensions, 'run') THEN run_id END,
-            'run_label': CASE WHEN list_contains(dimensions, 'run') THEN run_label END,
-            'recording_id': CASE
-                WHEN list_has_any(dimensions, ['recording', 'track']) THEN recording_id
-            END,
-            'file_name': CASE
-                WHEN list_has_any(dimensions, ['recording', 'track']) THEN file_name
-            END,
-            'camera': CASE
-                WHEN list_has_any(dimensions, ['camera', 'track']) THEN camera
-            END,
-            'class_name': CASE WHEN list_contains(dimensions, 'class') THEN class_name END,
-            'track_id': CASE WHEN list_contains(dimensions, 'track') THEN track_id END,
-            'f_number': CASE WHEN list_contains(dimensions, 'aperture') THEN f_number END,
-            'true_depth_from_m': CASE
-                WHEN list_contains(dimensions, 'depth') THEN true_depth_from_m
-            END,
-            'true_depth_to_m': CASE
-                WHEN list_contains(dimensions, 'depth') THEN true_depth_to_m
-            END
+            'run_id': accuracy.if_asked(dimensions, 'run_id', run_id),
+            'run_label': accuracy.if_asked(dimensions, 'run_label', run_label),
+            'recording_id': accuracy.if_asked(dimensions, 'recording_id', recording_id),
+            'file_name': accuracy.if_asked(dimensions, 'file_name', file_name),
+            'camera': accuracy.if_asked(dimensions, 'camera', camera),
+            'class_name': accuracy.if_asked(dimensions, 'class_name', class_name),
+            'track_id': accuracy.if_asked(dimensions, 'track_id', track_id),
+            'f_number': accuracy.if_asked(dimensions, 'f_number', f_number),
+            'true_depth_from_m':
+                accuracy.if_asked(dimensions, 'true_depth_from_m', true_depth_from_m),
+            'true_depth_to_m': accuracy.if_asked(dimensions, 'true_depth_to_m', true_depth_to_m)
         } AS key,
         -- One object followed over time: its frames share their errors, so they are one cluster.
         hash(recording_id, camera, track_id) AS cluster,
@@ -39,11 +30,8 @@ WITH keyed AS NOT MATERIALIZED (
         true_depth_sum + depth_error_sum AS depth_sum,
         depth_error_m2 + depth_error_sum * depth_error_sum / nullif(depth_count, 0)
             AS depth_square_sum,
-        source_rows.* EXCLUDE (
-            method, run_id, run_label, recording_id, file_name, camera, class_name, track_id,
-            f_number, true_depth_from_m, true_depth_to_m
-        )
-    FROM query_table(source) AS source_rows
+        COLUMNS(lambda name: name <> 'method' AND accuracy.dimensions_of(name) IS NULL)
+    FROM query_table(source)
 ),
 -- Groups are known by the hash of their key: the key itself, mostly texts, is slow to compare.
 parts AS NOT MATERIALIZED (SELECT hash(key) AS id, * FROM keyed),

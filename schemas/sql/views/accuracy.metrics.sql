@@ -1,8 +1,8 @@
 -- How good are the estimates, by whatever one likes to tell apart?
 --   FROM accuracy.metrics(['camera', 'class'])
 --   FROM accuracy.metrics(['depth'], edges := [0, 5, 10, 20, 40])
--- Every accuracy.by_* view is this macro with its dimensions filled in. What the figures and their
--- intervals are is in accuracy.from_sums.
+-- A dimension that is not asked for is NULL; accuracy.metrics_by leaves its columns out. What the
+-- figures and their intervals are is in accuracy.from_sums.
 CREATE OR REPLACE MACRO accuracy.metrics(
     dimensions,
     edges := [0, 0.25, 0.5, 0.75, 1, 1.5, 2, 3, 5, 7.5, 10, 15, 20, 30, 40, 60, 100],

@@ -12,9 +12,9 @@ WITH errors AS NOT MATERIALIZED (
     SELECT
         * REPLACE (
             -- A dimension that is not asked for is NULL in every row, so that rows fall together.
-            CASE WHEN list_contains(dimensions, 'run') THEN run_id END AS run_id,
-            CASE WHEN list_contains(dimensions, 'class') THEN class_name END AS class_name,
-            CASE WHEN list_contains(dimensions, 'aperture') THEN f_number END AS f_number,
+            accuracy.if_asked(dimensions, 'run_id', run_id) AS run_id,
+            accuracy.if_asked(dimensions, 'class_name', class_name) AS class_name,
+            accuracy.if_asked(dimensions, 'f_number', f_number) AS f_number,
             CASE WHEN depth_error_m IS NOT NULL THEN depth_m END AS depth_m,
             CASE WHEN depth_error_m IS NOT NULL THEN true_depth_m END AS true_depth_m,
             CASE WHEN depth_z IS NOT NULL THEN depth_std_m END AS depth_std_m,
@@ -68,9 +68,7 @@ sums AS (
         sum(height_std_m) AS height_std_sum,
         sum(height_z * height_z / 2 + ln(height_std_m)) AS height_nll_sum
     FROM errors
-    GROUP BY
-        method, run_id, recording_id, camera, track_id, class_name, f_number,
-        true_depth_from_m, true_depth_to_m
+    GROUP BY ALL
 )
 -- Names come last: they are a row's, not an estimate's.
 SELECT sums.*, recordings.file_name, runs.label AS run_label
