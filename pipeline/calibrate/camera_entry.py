@@ -7,19 +7,19 @@ too steep sees people at the right distance. So the correlations stand beside th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import CameraConfig
 from pipeline.core.records import FoundLens, GroundPlane
 
 _ABOVE_DIAGONAL = np.triu_indices(3, 1)
 
 
-def given_pose(camera: CameraConfig, row: Mapping[str, Any]) -> GroundPlane | None:
+def given_pose(camera: CameraConfig, row: CameraRow) -> GroundPlane | None:
     """Return the pose that a camera file gives, or None if it gives none.
 
     Args:
@@ -53,12 +53,13 @@ def given_pose(camera: CameraConfig, row: Mapping[str, Any]) -> GroundPlane | No
     )
 
 
-def is_unsure(camera: CameraConfig, row: Mapping[str, Any]) -> bool:
+def is_unsure(camera: CameraConfig, row: CameraRow) -> bool:
     """Whether the lens in use is one of the camera file that walkers told."""
     return (
-        row["intrinsics_source"] == "camera_file"
+        row.intrinsics_source == "camera_file"
+        and row.fx_px is not None
         and camera.focal_std_px > 0
-        and math.isclose(row["fx_px"], camera.fx_px, rel_tol=1e-6)
+        and math.isclose(row.fx_px, camera.fx_px, rel_tol=1e-6)
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -12,7 +11,8 @@ import pyarrow.compute
 
 from pipeline.core.arrays import FloatArray
 from pipeline.core.calibration import Calibration
-from pipeline.core.records import GroundPlane, Intrinsics
+from pipeline.core.camera_row import CameraRow, camera_rows
+from pipeline.core.records import GroundPlane
 from pipeline.core.tables import CALIBRATIONS, ESTIMATES
 from pipeline.estimate.types import Estimated, Measured, OtherBoxes
 
@@ -57,8 +57,8 @@ def measured_by_camera(
     joined = observations.join(lens, ["camera", "frame_index"], join_type="inner")
     joined = joined.sort_by("observation_index")
     found = []
-    for camera in cameras.to_pylist():
-        name = camera["camera"]
+    for camera in camera_rows(cameras):
+        name = camera.camera
         mine = joined.filter(pa.compute.equal(joined["camera"], name))
         if mine.num_rows:
             found.append(measured_of(mine, camera, poses.get(name)))
@@ -67,7 +67,7 @@ def measured_by_camera(
 
 def measured_of(
     table: pa.Table,
-    camera: Mapping[str, Any],
+    camera: CameraRow,
     plane: GroundPlane | None,
     others: pa.Table | None = None,
 ) -> Measured:
@@ -87,7 +87,7 @@ def measured_of(
     names = table["class_name"].combine_chunks().dictionary_encode("encode")
     cuts = ("left", "top", "right", "bottom")
     return Measured(
-        camera=camera["camera"],
+        camera=camera.camera,
         observation_index=table["observation_index"].to_numpy(),
         frame_index=table["frame_index"].to_numpy(),
         capture_time_ns=table["capture_time_ns"].to_numpy(),
@@ -106,7 +106,7 @@ def measured_of(
         focus_distance_m=number("focus_distance_m"),
         pixel_pitch_x_um=number("pixel_pitch_x_um"),
         pixel_pitch_y_um=number("pixel_pitch_y_um"),
-        intrinsics=_intrinsics(camera),
+        intrinsics=camera.intrinsics,
         ground_plane=plane,
         exposure_time_s=number("exposure_time_s"),
         blur_sigma_px=number("blur_sigma_px"),
@@ -121,17 +121,6 @@ def _other_boxes(table: pa.Table) -> OtherBoxes:
         table["observation_index"].to_numpy(),
         table["frame_index"].to_numpy(),
         np.stack(sides, axis=1).astype(np.float64),
-    )
-
-
-def _intrinsics(camera: Mapping[str, Any]) -> Intrinsics | None:
-    if camera["fx_px"] is None:
-        return None
-    numbers = {k: camera[k] for k in ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")}
-    return Intrinsics(
-        **numbers,
-        distortion_model=str(camera["distortion_model"] or ""),
-        distortion=tuple(camera["distortion"] or ()),
     )
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -27,6 +26,7 @@ from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, Known
 from pipeline.calibrate.walkers.pose_and_lens import Calibrated, calibrate_stored
 from pipeline.core.calibration import CalibratedMethod, Calibration
 from pipeline.core.camera_file import write_camera_file
+from pipeline.core.camera_row import CameraRow, camera_rows
 from pipeline.core.config import ADULT, CameraConfig, Config, SizePrior
 from pipeline.core.errors import CalibrationUndetermined, StoreError, UsageError, Where
 from pipeline.core.records import Diagnostic, FoundLens, GroundPlane
@@ -246,8 +246,8 @@ def _of_recording(
     tracks = tracks_of(store, recording_id, (config.stature or ADULT).object_class)
     seen = set(pc.unique(tracks["camera"]).to_pylist())
     _check_single(known, len(seen))
-    for row in store.read("cameras", recording_id).to_pylist():
-        name = row["camera"]
+    for row in camera_rows(store.read("cameras", recording_id)):
+        name = row.camera
         if name not in seen:
             continue
         lens = known_lens(row, _unposed(config.camera_named(name)))
@@ -271,9 +271,9 @@ def _people(camera: StoredCamera, tracks: pa.Table, known: Known) -> Measured:
     return measured
 
 
-def _found(made: Calibrated, camera: str, row: Mapping[str, Any]) -> Found:
+def _found(made: Calibrated, camera: str, row: CameraRow) -> Found:
     doubt = made.contradiction
-    said = doubt.describe(camera, row["intrinsics_source"]) if doubt else None
+    said = doubt.describe(camera, row.intrinsics_source or "") if doubt else None
     return Found(made.plane, made.lens, said)
 
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import NamedTuple
 
-import pyarrow as pa
-
+from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
 from pipeline.core.lens import Lens, intrinsics_of, lens_of
 from pipeline.core.records import Diagnostic, Frame, Intrinsics, Severity
-from pipeline.core.tables import CAMERAS
 from pipeline.core.timing import StageTimes
 from pipeline.detect import Detector, make_detector
 from pipeline.images.decode import Picture, decode
@@ -20,7 +18,6 @@ from pipeline.ingest.plausibility import inside_picture
 from pipeline.ingest.pose import CameraPose
 from pipeline.measure.background_lines import Backdrop
 from pipeline.measure.observations import Seen, luminance_inside
-from pipeline.store.parquet_parts import as_table
 from pipeline.track.tracker import Tracker
 
 # The detector learns from this many pictures, spread over its learning time, during which frames
@@ -165,26 +162,28 @@ class CameraStage:
                 "fx_px or pixel_pitch_x_um in a camera file",
             )
 
-    def row(self, frame_id: str | None, pose: CameraPose | None) -> pa.Table:
-        """Return the camera as a row of the table `cameras`."""
-        row = dict.fromkeys(CAMERAS.names) | {
-            "camera": self.camera,
-            "topic": self.topic,
-            "frame_id": frame_id,
-            "width_px": self._size_px[0] or None,
-            "height_px": self._size_px[1] or None,
-            "intrinsics_source": self._intrinsics_source,
-        }
+    def row(self, frame_id: str | None, pose: CameraPose | None) -> CameraRow:
+        """Return the camera as it is known after pass 1."""
+        row = CameraRow(
+            self.camera,
+            topic=self.topic,
+            frame_id=frame_id,
+            width_px=self._size_px[0] or None,
+            height_px=self._size_px[1] or None,
+        )
         if pose is not None:
-            row |= {
-                "recorded_height_m": pose.height_m,
-                "recorded_tilt_rad": pose.tilt_rad,
-                "recorded_roll_rad": pose.roll_rad,
-                "recorded_ground_frame": pose.ground_frame,
-            }
-        if self.intrinsics is not None:
-            row |= asdict(self.intrinsics) | {"distortion": list(self.intrinsics.distortion)}
-        return as_table({name: [value] for name, value in row.items()}, CAMERAS)
+            row = replace(
+                row,
+                recorded_height_m=pose.height_m,
+                recorded_tilt_rad=pose.tilt_rad,
+                recorded_roll_rad=pose.roll_rad,
+                recorded_ground_frame=pose.ground_frame,
+            )
+        k = self.intrinsics
+        if k is None:
+            return row
+        row = replace(row, width_px=k.width_px, height_px=k.height_px)
+        return row.with_lens(k, self._intrinsics_source)
 
     def _note(self, frame: Frame, code: str, message: str) -> None:
         self._notes.add(

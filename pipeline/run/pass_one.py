@@ -10,6 +10,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
+from pipeline.core.camera_row import camera_table
 from pipeline.core.config import Config, Limits
 from pipeline.core.diagnostics import Notes, diagnostics_table
 from pipeline.core.progress import Progress, Report, silent
@@ -122,7 +123,8 @@ class FirstPass:
             parts.write("tracks", stage.tracker.tracks())
             parts.write("background_lines", edges)
             frame_id = self.assembler.frame_ids.get(stage.camera)
-            parts.write("cameras", stage.row(frame_id, self.assembler.poses.get(stage.camera)))
+            camera = stage.row(frame_id, self.assembler.poses.get(stage.camera))
+            parts.write("cameras", camera_table([camera]))
         self._note_absences()
         parts.write("diagnostics", diagnostics_table(list(self.notes)))
         return self._recording_row()

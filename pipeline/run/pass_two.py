@@ -9,9 +9,8 @@ camera, its pose and what blur says of its lens, is asked of a sample that does 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -21,6 +20,7 @@ from pipeline.calibrate.stored_lens import known_lens, with_doubt, with_found
 from pipeline.calibrate.walkers.pose import WalkersReport
 from pipeline.calibrate.walkers.pose_and_lens import calibrate_stored
 from pipeline.core.arrays import FloatArray
+from pipeline.core.camera_row import CameraRow, camera_rows
 from pipeline.core.config import Config
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.core.records import Diagnostic, FoundLens, GroundPlane, Severity
@@ -61,23 +61,21 @@ def estimate_recording(
     prior = config.stature
     tracks = tracks_of(store, recording_id, prior.object_class if prior else "")
     forget_estimates(store, recording_id, run_id)
-    for row in store.read("cameras", recording_id).to_pylist():
-        mine = tracks.filter(pc.equal(tracks["camera"], row["camera"]))
+    for row in camera_rows(store.read("cameras", recording_id)):
+        mine = tracks.filter(pc.equal(tracks["camera"], row.camera))
         if not mine.num_rows:
             continue
-        here = config.of_camera(row["camera"])
-        camera = StoredCamera(
-            store, recording_id, known_lens(row, config.camera_named(row["camera"]))
-        )
-        lines_px = lines_of(edges, row["camera"])
+        here = config.of_camera(row.camera)
+        camera = StoredCamera(store, recording_id, known_lens(row, config.camera_named(row.camera)))
+        lines_px = lines_of(edges, row.camera)
         camera.plane = _pose(camera, mine, lines_px, here, remarks)
         if camera.plane is not None:
-            set_pose(store, recording_id, row["camera"], camera.plane)
+            set_pose(store, recording_id, row.camera, camera.plane)
         if camera.row != row:
             set_lens(store, recording_id, camera.row)
         for rows in _estimated(camera, Tracks.of(mine), here, remarks, batch):
             add_estimates(store, recording_id, run_id, rows.by_table())
-        remarks.add(scale_notes(camera.row["camera"], camera.plane, mine, here))
+        remarks.add(scale_notes(row.camera, camera.plane, mine, here))
     add_calibrations(store, remarks.calibrations(), run_id)
     add_diagnostics(store, remarks.diagnostics(), recording_id, run_id, file_name)
 
@@ -104,7 +102,7 @@ def _pose(
 
     As the camera file gives it, else by the recording's transforms, else from the people who walk.
     """
-    name = camera.row["camera"]
+    name = camera.row.camera
     given = given_pose(config.camera_named(name), camera.row) or recorded_pose(camera.row)
     prior = config.stature
     if given is not None or prior is None:
@@ -121,22 +119,22 @@ def _pose(
         camera.row = with_found(camera.row, found.lens)
         remarks.add([_describe_lens(name, found.lens)])
     if found.contradiction is not None:
-        remarks.add([found.contradiction.describe(name, camera.row["intrinsics_source"])])
+        remarks.add([found.contradiction.describe(name, camera.row.intrinsics_source or "")])
         camera.row = with_doubt(camera.row, found.plane)
     remarks.add([_describe(name, found.plane, found.report)])
     return found.plane
 
 
-def recorded_pose(camera: Mapping[str, Any]) -> GroundPlane | None:
+def recorded_pose(camera: CameraRow) -> GroundPlane | None:
     """Return the pose that a recording's transforms give, by the row of the table `cameras`."""
-    if camera["recorded_height_m"] is None:
-        return None
-    return GroundPlane(
-        camera["recorded_height_m"],
-        camera["recorded_tilt_rad"],
-        camera["recorded_roll_rad"],
-        source="transforms",
+    height_m, tilt_rad, roll_rad = (
+        camera.recorded_height_m,
+        camera.recorded_tilt_rad,
+        camera.recorded_roll_rad,
     )
+    if height_m is None or tilt_rad is None or roll_rad is None:
+        return None
+    return GroundPlane(height_m, tilt_rad, roll_rad, source="transforms")
 
 
 def _describe_lens(camera: str, lens: FoundLens) -> Diagnostic:

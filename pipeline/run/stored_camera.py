@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +11,7 @@ import pyarrow.compute as pc
 
 from pipeline.calibrate.walkers.sample import MIN_OBSERVATIONS, spread_people
 from pipeline.core.arrays import FloatArray
+from pipeline.core.camera_row import CameraRow
 from pipeline.core.records import GroundPlane
 from pipeline.estimate.tables import measured_of
 from pipeline.estimate.track_batches import Tracks
@@ -26,7 +26,7 @@ class StoredCamera:
 
     store: Store
     recording_id: str
-    row: Mapping[str, Any]  # of the table `cameras`
+    row: CameraRow
     plane: GroundPlane | None = None
 
     def measured(self, tracks: Tracks) -> Measured:
@@ -34,7 +34,7 @@ class StoredCamera:
         own, others = observed(
             self.store,
             self.recording_id,
-            self.row["camera"],
+            self.row.camera,
             tracks.track_id.tolist(),
             tracks.frames,
         )

@@ -6,13 +6,13 @@ A recording is replaced whole inside one transaction.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 
+from pipeline.core.camera_row import CameraRow
 from pipeline.core.diagnostics import diagnostics_table
 from pipeline.core.errors import StoreError, Where
 from pipeline.core.records import Diagnostic, GroundPlane
@@ -156,12 +156,12 @@ def set_pose(store: Store, recording_id: str, camera: str, plane: GroundPlane) -
     )
 
 
-def set_lens(store: Store, recording_id: str, row: Mapping[str, Any]) -> None:
-    """Store the lens of a row of `cameras`; call inside a transaction."""
+def set_lens(store: Store, recording_id: str, row: CameraRow) -> None:
+    """Store the lens of a camera; call inside a transaction."""
     values = ", ".join(f"{name} = ?" for name in _LENS_COLUMNS)
     store.connection.execute(
         f"UPDATE cameras SET {values} WHERE recording_id = ? AND camera = ?",
-        [*(row[name] for name in _LENS_COLUMNS), recording_id, row["camera"]],
+        [*(getattr(row, name) for name in _LENS_COLUMNS), recording_id, row.camera],
     )
 
 

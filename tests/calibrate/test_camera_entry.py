@@ -12,13 +12,13 @@ from pipeline.calibrate.camera_entry import as_given, given_pose
 from pipeline.calibrate.stored_lens import known_lens
 from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_file import write_camera_file
+from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import CameraConfig, Config, load_config
 from pipeline.core.errors import UsageError
 from pipeline.core.records import FoundLens, GroundPlane, Intrinsics
-from pipeline.core.tables import CAMERAS
 
 LENS = FoundLens(Intrinsics(640, 480, 700.0, 700.0, 319.5, 239.5), 70.0)
-BARE = dict.fromkeys(CAMERAS.names) | {"camera": "yard", "width_px": 640, "height_px": 480}
+BARE = CameraRow("yard", width_px=640, height_px=480)
 
 
 def found(seed: int) -> tuple[GroundPlane, FloatArray]:
@@ -45,14 +45,14 @@ def test_what_was_found_is_as_sure_when_it_is_read_back(tmp_path: Path, seed: in
     assert given.focal_covariance is not None
     np.testing.assert_allclose(given.covariance, covariance[:3, :3], rtol=1e-9)
     np.testing.assert_allclose(given.focal_covariance, covariance[3], rtol=1e-9)
-    assert row["focal_std_px"] == pytest.approx(700.0 * np.sqrt(covariance[3, 3]))
+    assert row.focal_std_px == pytest.approx(700.0 * np.sqrt(covariance[3, 3]))
     assert (given.camera_height_m, given.tilt_rad) == pytest.approx((4.2, 0.3))
 
 
 def test_a_recordings_own_lens_does_not_err_with_the_pose(tmp_path: Path) -> None:
     plane, _ = found(0)
     camera = read_back(tmp_path / "camera.toml", as_given("yard", plane, LENS))
-    row = BARE | {"fx_px": 700.0, "intrinsics_source": "recording"}
+    row = replace(BARE, fx_px=700.0, intrinsics_source="recording")
     given = given_pose(camera, row)
     assert given is not None
     assert given.focal_covariance is None

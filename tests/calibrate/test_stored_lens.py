@@ -7,31 +7,31 @@ from dataclasses import replace
 import pytest
 
 from pipeline.calibrate.stored_lens import known_lens, with_found
+from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import CameraConfig
 from pipeline.core.records import FoundLens, Intrinsics
-from pipeline.core.tables import CAMERAS
 
-BARE = dict.fromkeys(CAMERAS.names) | {"camera": "a", "width_px": 640, "height_px": 480}
+BARE = CameraRow("a", width_px=640, height_px=480)
 FOUND = FoundLens(Intrinsics(640, 480, 700.0, 700.0, 319.5, 239.5), 30.0)
 
 
 def test_what_was_found_is_looked_for_again() -> None:
     row = with_found(BARE, FOUND)
-    assert (row["fx_px"], row["focal_std_px"]) == (700.0, 30.0)
-    assert row["intrinsics_source"] == "walkers"
+    assert (row.fx_px, row.focal_std_px) == (700.0, 30.0)
+    assert row.intrinsics_source == "walkers"
     assert known_lens(row, CameraConfig("a")) == BARE
 
 
 def test_the_recordings_lens_stays() -> None:
-    row = BARE | {"fx_px": 800.0, "intrinsics_source": "recording"}
+    row = replace(BARE, fx_px=800.0, intrinsics_source="recording")
     assert known_lens(row, CameraConfig("a", fx_px=900.0)) == row
 
 
 @pytest.mark.parametrize("row", [BARE, with_found(BARE, FOUND)])
-def test_the_camera_file_goes_before_walkers(row: dict[str, object]) -> None:
+def test_the_camera_file_goes_before_walkers(row: CameraRow) -> None:
     known = known_lens(row, CameraConfig("a", fx_px=900.0))
-    assert (known["fx_px"], known["fy_px"], known["cx_px"]) == (900.0, 900.0, 319.5)
-    assert (known["intrinsics_source"], known["focal_std_px"]) == ("camera_file", None)
+    assert (known.fx_px, known.fy_px, known.cx_px) == (900.0, 900.0, 319.5)
+    assert (known.intrinsics_source, known.focal_std_px) == ("camera_file", None)
 
 
 UNSURE = CameraConfig("a", fx_px=700.0, focal_std_px=30.0)
@@ -43,6 +43,6 @@ def test_a_found_lens_in_a_camera_file_counts_with_the_pose_it_was_found_with(be
     of_file = known_lens(BARE, replace(POSED, focal_std_px=0.0))
     row = BARE if before == "bare" else of_file
     known = known_lens(row, POSED)
-    assert (known["fx_px"], known["focal_std_px"]) == (700.0, 30.0)
-    assert known["intrinsics_source"] == "camera_file"
+    assert (known.fx_px, known.focal_std_px) == (700.0, 30.0)
+    assert known.intrinsics_source == "camera_file"
     assert known_lens(row, UNSURE) == BARE

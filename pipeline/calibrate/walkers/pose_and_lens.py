@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from pipeline.calibrate.walkers.focal_length import calibrate_lens_from_walkers
 from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, Known
 from pipeline.calibrate.walkers.lens_check import DOUBTFUL, LensCheck, check_lens
 from pipeline.calibrate.walkers.pose import WalkersReport, fit_walkers
 from pipeline.core.arrays import FloatArray
+from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import SizePrior
 from pipeline.core.records import FoundLens, GroundPlane
 from pipeline.estimate.types import Measured
@@ -28,7 +27,7 @@ class Calibrated:
 
 def calibrate_stored(
     measured: Measured,
-    row: Mapping[str, Any],
+    row: CameraRow,
     prior: SizePrior,
     known: Known = NOTHING_KNOWN,
     lines_px: FloatArray | None = None,
@@ -42,15 +41,16 @@ def calibrate_stored(
         known: what is known in metres.
         lines_px: straight edges.
     """
-    if measured.intrinsics is None and row["width_px"] and row["height_px"]:
-        size_px = row["width_px"], row["height_px"]
-        lens, plane, report = calibrate_lens_from_walkers(measured, size_px, prior, known, lines_px)
+    if measured.intrinsics is None and row.size_px is not None:
+        lens, plane, report = calibrate_lens_from_walkers(
+            measured, row.size_px, prior, known, lines_px
+        )
         return Calibrated(plane, report, lens)
     fitted = fit_walkers(measured, prior, known, lines_px)
     plane, report = fitted.result()
     check = check_lens(fitted)
     if check is None or not check.contradicts:
         return Calibrated(plane, report)
-    if row["intrinsics_source"] == DOUBTFUL:
+    if row.intrinsics_source == DOUBTFUL:
         plane = check.widened(plane)
     return Calibrated(plane, report, contradiction=check)

@@ -12,11 +12,11 @@ from bench.walkers import Scene, scene
 from pipeline.calibrate.walkers.lens_check import LensCheck, check_lens
 from pipeline.calibrate.walkers.pose import fit_walkers
 from pipeline.calibrate.walkers.pose_and_lens import calibrate_stored
+from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import ADULT
 from pipeline.core.records import GroundPlane, Intrinsics, Severity
-from pipeline.core.tables import CAMERAS
 
-ROW = dict.fromkeys(CAMERAS.names) | {"camera": "mast", "width_px": 1280, "height_px": 720}
+ROW = CameraRow("mast", width_px=1280, height_px=720)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_the_right_lens_is_not_contradicted(simulated: Scene) -> None:
 
 def test_a_wrong_calibration_is_told_and_stays(simulated: Scene) -> None:
     wrong = longer(simulated, 2.0).measured
-    row = ROW | {"intrinsics_source": "recording"}
+    row = replace(ROW, intrinsics_source="recording")
     made = calibrate_stored(wrong, row, ADULT)
     assert made.lens is None
     assert made.plane.focal_covariance is None
@@ -54,8 +54,8 @@ def test_a_wrong_calibration_is_told_and_stays(simulated: Scene) -> None:
 
 def test_wrong_lens_data_become_so_unsure_that_depths_hold(simulated: Scene) -> None:
     wrong = longer(simulated, 2.0).measured
-    told = calibrate_stored(wrong, ROW | {"intrinsics_source": "recording"}, ADULT).plane
-    unsure = calibrate_stored(wrong, ROW | {"intrinsics_source": "lens_data"}, ADULT).plane
+    told = calibrate_stored(wrong, replace(ROW, intrinsics_source="recording"), ADULT).plane
+    unsure = calibrate_stored(wrong, replace(ROW, intrinsics_source="lens_data"), ADULT).plane
     assert unsure.focal_covariance is not None
     assert unsure.focal_covariance[3] > (math.log(2.0) / 2) ** 2
     assert (np.diag(unsure.covariance) > np.diag(told.covariance)).all()
