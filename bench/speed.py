@@ -34,6 +34,7 @@ from bench.footage import (
     street_pictures,
     write_recording,
 )
+from dashboards.timeline.split import write_timelines
 from pipeline.cli.console import out, print_rows
 from pipeline.core.config import MIN_SIDE_PX, Config
 from pipeline.core.diagnostics import Notes
@@ -44,6 +45,7 @@ from pipeline.mcap_file.reader import McapFile
 from pipeline.parallel.prefetch import ahead
 from pipeline.run.pass_one import measure_recording
 from pipeline.run.picture_stream import READ_TOGETHER
+from pipeline.run.recording import Timelines
 from pipeline.run.recordings import run
 
 FRAMES, LONG = 600, 1500
@@ -113,7 +115,9 @@ def _jobs(
     jobs[FLOOR] = lambda: read_and_decode(short)
     jobs[RUN] = lambda: run([short], fresh(), Config())
     jobs[RUN_LONG] = lambda: run([long], fresh(), Config())
-    jobs[RUN_RRD] = lambda: run([long], fresh(), Config(), timelines=folder)
+    jobs[RUN_RRD] = lambda: run(
+        [long], fresh(), Config(), timelines=Timelines(folder, write_timelines)
+    )
     jobs[RUN_EMPTY] = lambda: run([empty], fresh(), Config())
     jobs[SCRIPT] = lambda: naive.main(script, folder / "c.duckdb")
     return jobs
@@ -201,8 +205,9 @@ def _print_speed(what: str, times: dict[str, Took]) -> None:
 
 
 def _print_share_of_output(recording: Path, folder: Path) -> None:
+    shown = Timelines(folder, write_timelines)
     begin = time.perf_counter()
-    result = run([recording], folder / "share.duckdb", Config(), timelines=folder)
+    result = run([recording], folder / "share.duckdb", Config(), timelines=shown)
     whole_s = time.perf_counter() - begin
     times = result.outcomes[0].times
     shares = {s: times.spent[s].elapsed_s / whole_s for s in ("store", "timeline")}

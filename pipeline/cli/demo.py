@@ -44,7 +44,9 @@ def demo(
     Raises:
         UsageError: there are no recordings.
     """
+    from dashboards.timeline.split import write_timelines
     from pipeline.core.config import load_config
+    from pipeline.run.recording import Timelines
     from pipeline.run.recordings import run
     from pipeline.store.database import Store
 
@@ -58,8 +60,9 @@ def demo(
     config = load_config(camera_file if camera_file.is_file() else None)
     database = folder / "stadimeter.duckdb"
     folder.mkdir(parents=True, exist_ok=True)
+    shown = Timelines(folder, write_timelines)
     with progress_lines() as report:
-        result = run(paths, database, config, timelines=folder, label="demo", report=report)
+        result = run(paths, database, config, timelines=shown, label="demo", report=report)
     with Store.open(database, read_only=True) as store:
         for outcome in result.stored:
             recording = outcome.recording

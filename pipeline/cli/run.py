@@ -48,6 +48,7 @@ def call(arguments: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from pipeline.core.config import load_config
+    from pipeline.run.recording import Timelines
     from pipeline.run.recordings import run
 
     if arguments.workers < 1:
@@ -62,12 +63,17 @@ def call(arguments: argparse.Namespace) -> int:
         return _run_shared(arguments, config)
     if arguments.engine != "local" or arguments.address is not None:
         raise UsageError("--engine ray needs --parts DIR, a folder that all machines see")
+    timelines = None
+    if arguments.rrd is not None:
+        from dashboards.timeline.split import write_timelines  # heavy, and not always wanted
+
+        timelines = Timelines(arguments.rrd, write_timelines)
     with progress_lines() as report:
         result = run(
             arguments.recordings,
             arguments.db,
             config,
-            timelines=arguments.rrd,
+            timelines=timelines,
             workers=arguments.workers,
             label=arguments.label,
             report=report,

@@ -1,4 +1,4 @@
-"""Ray as what runs tasks, on this machine or on many.
+"""Ray as an engine that runs tasks, on this machine or on many.
 
 A task is a function of a module, with arguments that can be pickled; what it makes, it leaves on shared
 storage.

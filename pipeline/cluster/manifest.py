@@ -1,4 +1,4 @@
-"""A folder of finished recordings: Parquet files, and a manifest for each that says what they are.
+"""Manifests of a folder of finished recordings: each describes the Parquet files of one of them.
 
     DIR/manifests/<key>.json                    written last; replacing it is what makes a result count
     DIR/parts/<key>/<token>/<table>.parquet     the rows of one recording
@@ -30,7 +30,7 @@ _BLOCK = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Which file: what is compared before its content is read (as rsync does)."""
+    """A recording's file by name, size and time: compared before its content is read (as rsync does)."""
 
     path: str
     size_bytes: int
@@ -38,7 +38,7 @@ class Source:
 
     @classmethod
     def of(cls, path: Path) -> Source:
-        """Return what a file is known by.
+        """Return name, size and time of a file.
 
         Raises:
             OSError: there is no such file.
@@ -76,7 +76,7 @@ class Manifest:
     format: int = FORMAT
 
     def answers(self, source: Source, configuration_sha256: str, software_version: str) -> bool:
-        """Whether this is what a start with that file, configuration and version would make."""
+        """Return true if a run of that file with that configuration and version would make the same."""
         made_by = (self.source, self.configuration_sha256, self.software_version)
         return (
             self.failure is None
@@ -98,7 +98,7 @@ def new_parts_folder(folder: Path, key: str) -> Path:
 
 
 def describe_part(folder: Path, path: Path) -> Part:
-    """Return what the manifest says of a file."""
+    """Return the description of a file, as a manifest has it."""
     rows = pq.read_metadata(path).num_rows
     return Part(str(path.relative_to(folder)), rows, path.stat().st_size, file_sha256(path))
 

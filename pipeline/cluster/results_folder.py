@@ -44,7 +44,7 @@ _ROWS = {
 def export(store: Store, target: Path, folder: Path) -> dict[str, Part]:
     """Write all rows of a store of one recording to a new folder, a Parquet file a table.
 
-    Returns what a manifest says of the files, by table.
+    Returns the description of each file, by table.
     """
     files = write_rows(store, target, "zstd")
     return {table: describe_part(folder, path) for table, path in files.items()}

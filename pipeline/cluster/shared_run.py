@@ -1,4 +1,4 @@
-"""Recordings into a folder of finished ones: what is missing is handed out, what is there is left.
+"""Recordings into a folder of finished ones: those that are missing are handed out as tasks.
 
 find what is missing -> recordings as tasks -> long ones cut into windows -> windows put together
 """
@@ -18,7 +18,7 @@ from pipeline.cluster.tasks import Run, join, work, work_window
 from pipeline.core.config import Config
 from pipeline.core.errors import StadimeterError, UsageError, Where
 from pipeline.core.progress import Progress, Report, silent
-from pipeline.parallel.processes import Engine, WorkerLost, local_engine
+from pipeline.parallel.processes import Engine, local_engine
 from pipeline.run.recordings import begin
 
 # Windows of a long recording: 7 % of it is read twice (`split.OVERLAP_S`), and a day is 144 tasks.
@@ -27,7 +27,7 @@ WINDOW_S = 600.0
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """What became of one recording."""
+    """Result of one recording."""
 
     path: Path
     manifest: Manifest | None = None
@@ -36,7 +36,7 @@ class Finished:
 
 @dataclass(slots=True)
 class SharedResult:
-    """What became of all of them."""
+    """Results of all recordings of a run."""
 
     run_id: str
     there: list[Finished] = field(default_factory=list)  # before this run
@@ -106,7 +106,7 @@ def _engine(name: str, address: str | None, workers: int) -> AbstractContextMana
 
 
 def _missing(paths: list[Path], run: Run, result: SharedResult) -> list[Path]:
-    """Return the recordings of which there is no answer yet; enter those of which there is."""
+    """Return the recordings that have no result yet; enter the others into `result`."""
     if not any((run.folder / "manifests").glob("*.json")):
         return list(dict.fromkeys(paths))
     known = {m.source.path: m for m in read_manifests(run.folder)}
@@ -127,7 +127,7 @@ def _answers(manifest: Manifest, path: Path, run: Run) -> bool:
 
 
 class _Course:
-    """The tasks of a start: which of them follow which."""
+    """Tasks of a run, in their order: recordings, windows of long ones, joining of windows."""
 
     def __init__(self, engine: Engine, run: Run, result: SharedResult, report: Report) -> None:
         self._engine = engine
@@ -181,6 +181,3 @@ class _Course:
             return
         self._result.made.append(Finished(path, found))
         self._report(Progress(path.name, "done", found.frame_count, 1.0))
-
-
-__all__ = ["Finished", "SharedResult", "WorkerLost", "run_shared"]

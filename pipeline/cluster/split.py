@@ -43,7 +43,7 @@ UNCUT = (Kind.VIDEO, Kind.TRANSFORMS)
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A part of a recording in log time: what is read, and from where on it counts."""
+    """A part of a recording in log time: it is read from `read_from_ns`, and counts from `from_ns`."""
 
     number: int
     read_from_ns: int
@@ -53,14 +53,14 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How a recording is cut."""
+    """The windows of a recording."""
 
     content_sha256: str
     windows: tuple[Window, ...]
 
 
 def plan_windows(path: Path, config: Config, window_s: float) -> Plan | None:
-    """Return how to cut a recording into windows of about so many seconds; None: it is left whole.
+    """Return the windows of a recording, of about so many seconds each; None: it is left whole.
 
     Reads all of it once, without decoding a picture: its hash is needed, and that it has no damage.
     """
@@ -95,7 +95,7 @@ def cut(start_ns: int, end_ns: int, window_s: float) -> tuple[Window, ...]:
 
 
 def _summary(path: Path, limits: Limits) -> Summary | None:
-    """Return what the end of a file says of its chunks and channels; None if it says nothing."""
+    """Return the summary at the end of a file, with its chunks and channels; None if there is none."""
     try:
         with path.open("rb") as stream:
             return SeekingReader(stream, record_size_limit=limits.record_bytes).get_summary()
@@ -104,7 +104,7 @@ def _summary(path: Path, limits: Limits) -> Summary | None:
 
 
 class WindowFile(McapFile):
-    """The messages of an undamaged file within a window, and what holds at its beginning."""
+    """The messages of an undamaged file within a window, and the lasting ones before it."""
 
     def __init__(self, path: Path, limits: Limits, note: Note, window: Window, sha256: str) -> None:
         super().__init__(path, limits, note)

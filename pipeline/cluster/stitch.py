@@ -32,7 +32,7 @@ _TRACK = ["camera", "track_id"]
 
 @dataclass(slots=True)
 class _Before:
-    """What the windows so far have left for the next one."""
+    """State after the windows so far, for the next one."""
 
     frames: pd.DataFrame  # those that the next window saw too
     observations: pd.DataFrame  # theirs
@@ -184,7 +184,7 @@ def _truth(folder: Path, frames: pd.DataFrame, mine: pd.DataFrame) -> Iterator[p
 
 
 def _sightings(observations: pd.DataFrame, frames: pd.DataFrame) -> pd.DataFrame:
-    """Return, a track and class, how often and when it was seen."""
+    """Return count, first and last frame and time of each track and class."""
     rows = observations[[*_FRAME, "track_id", "class_name", "object_id"]].merge(
         frames[[*_FRAME, "capture_time_ns"]], on=_FRAME
     )
@@ -237,7 +237,7 @@ def _cameras(folders: Sequence[Path]) -> pa.Table:
 
 
 def _diagnostics(folders: Sequence[Path], windows: Sequence[Window]) -> pa.Table:
-    """Return what was said of the time that counts; equal words of several windows become one."""
+    """Return the diagnostics of the time that counts; equal ones of several windows become one."""
     rows = []
     for folder, window in zip(folders, windows, strict=True):
         said = _read(folder, "diagnostics")
@@ -257,7 +257,7 @@ def _diagnostics(folders: Sequence[Path], windows: Sequence[Window]) -> pa.Table
 def _move_on(
     before: _Before, frames: pd.DataFrame, observations: pd.DataFrame, after: Window | None
 ) -> None:
-    """Keep what the next window needs."""
+    """Bring `before` up to date for the next window."""
     before.observation_count += len(observations)
     for camera, last in frames.groupby("camera")["frame_index"].max().items():
         before.frame_counts[str(camera)] = int(last) + 1

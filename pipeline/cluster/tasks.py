@@ -1,4 +1,4 @@
-"""What one task does: a recording, or one window of a long one, or the putting together of windows.
+"""Tasks: a recording, one window of a long one, or the joining of windows.
 
 Each is a plain function, so that any engine can run it anywhere that sees the recordings and the folder.
 It may be begun again at any moment: its files have new names, or are replaced whole, and its result
@@ -29,12 +29,11 @@ from pipeline.cluster.split import Plan, Window, WindowFile, plan_windows
 from pipeline.cluster.stitch import stitch
 from pipeline.core.config import Config
 from pipeline.core.errors import StadimeterError
-from pipeline.core.records import Diagnostic, Severity
 from pipeline.core.timing import StageTimes
 from pipeline.run.pass_one import measure_recording
-from pipeline.run.recording import commit
+from pipeline.run.recording import add_failure, attempt, stored_alone
 from pipeline.store.database import Store
-from pipeline.store.recordings import RecordingRow, add_diagnostics
+from pipeline.store.recordings import RecordingRow
 from pipeline.store.runs import finish_run
 from pipeline.store.scratch import Begun, own_store
 
@@ -43,7 +42,7 @@ _DONE = "window.json"
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What all tasks of a start have in common."""
+    """Facts that all tasks of a run share."""
 
     folder: Path
     config: Config
@@ -52,26 +51,26 @@ class Run:
 
     @property
     def configuration_sha256(self) -> str:
-        """What a finished recording must have been made with."""
+        """Hash of the configuration, which tells whether a finished recording can stay."""
         return hashlib.sha256(self.begun.configuration.encode()).hexdigest()
 
     @property
     def answer_key(self) -> str:
-        """A short name of configuration and version, for what is left half done."""
+        """A short name of configuration and version, for folders of unfinished work."""
         text = f"{self.configuration_sha256} {__version__} {self.window_s}"
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def work(path: Path, run: Run) -> Manifest | Plan:
-    """Measure and estimate a recording, or say how to cut it if it is long."""
-    try:
-        plan = plan_windows(path, run.config, run.window_s)
-        return plan if plan is not None else _whole(path, run)
-    except (StadimeterError, OSError) as error:
-        return _failed(path, run, error)
+    """Measure and estimate a recording, or return its windows if it is long."""
+    found = attempt(path, _plan_or_whole, path, run)
+    return _failed(path, run, found) if isinstance(found, StadimeterError) else found
 
 
-def _whole(path: Path, run: Run) -> Manifest:
+def _plan_or_whole(path: Path, run: Run) -> Manifest | Plan:
+    plan = plan_windows(path, run.config, run.window_s)
+    if plan is not None:
+        return plan
     source = Source.of(path)
     with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
         row = measure_recording(path, run.config, Path(name), threads=1)
@@ -79,47 +78,50 @@ def _whole(path: Path, run: Run) -> Manifest:
 
 
 def window_folder(plan: Plan, window: Window, run: Run) -> Path:
-    """Return where the parts of a window are left, until the recording is whole."""
+    """Return the folder of a window's parts, until the recording is whole."""
     key = f"{plan.content_sha256[:16]}-{run.answer_key}"
     return run.folder / "work" / key / f"{window.number:04d}"
 
 
 def work_window(path: Path, run: Run, plan: Plan, window: Window) -> StadimeterError | None:
-    """Measure one window of a recording, unless that is done; return what went wrong."""
+    """Measure one window of a recording, unless that is done; return the error, if any."""
     target = window_folder(plan, window, run)
     if (target / _DONE).is_file():
         return None
     part = target.with_name(f".{target.name}.{uuid.uuid4().hex[:8]}")
-    opened = partial(WindowFile, window=window, sha256=plan.content_sha256)
     try:
-        row = measure_recording(path, run.config, part, threads=1, open_file=opened)
-        known = asdict(row) | {"path": str(row.path)}
-        (part / _DONE).write_text(json.dumps(known), encoding="utf-8")
-        if not target.exists():  # by a task that was thought to be dead
-            part.rename(target)
-    except StadimeterError as error:
-        return error
-    except OSError as error:
-        return StadimeterError(f"{path} cannot be read: {error.strerror or error}")
+        return attempt(path, _measure_window, path, run, plan, window, part)
     finally:
         shutil.rmtree(part, ignore_errors=True)
-    return None
+
+
+def _measure_window(path: Path, run: Run, plan: Plan, window: Window, part: Path) -> None:
+    opened = partial(WindowFile, window=window, sha256=plan.content_sha256)
+    row = measure_recording(path, run.config, part, threads=1, open_file=opened)
+    known = asdict(row) | {"path": str(row.path)}
+    (part / _DONE).write_text(json.dumps(known), encoding="utf-8")
+    target = window_folder(plan, window, run)
+    if not target.exists():  # by a task that was thought to be dead
+        part.rename(target)
 
 
 def join(path: Path, run: Run, plan: Plan) -> Manifest:
     """Put the windows of a recording together, and estimate it."""
+    found = attempt(path, _joined, path, run, plan)
+    if isinstance(found, StadimeterError):
+        return _failed(path, run, found)
+    shutil.rmtree(window_folder(plan, plan.windows[0], run).parent, ignore_errors=True)
+    return found
+
+
+def _joined(path: Path, run: Run, plan: Plan) -> Manifest:
     folders = [window_folder(plan, window, run) for window in plan.windows]
-    try:
-        source = Source.of(path)
-        rows = [_row_of(folder) for folder in folders]
-        with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
-            stitch(folders, plan.windows, Path(name), run.config.track)
-            row = _summed(rows, Path(name), path)
-            manifest = _finish(row, source, Path(name), run)
-    except (StadimeterError, OSError) as error:
-        return _failed(path, run, error)
-    shutil.rmtree(folders[0].parent, ignore_errors=True)
-    return manifest
+    source = Source.of(path)
+    rows = [_row_of(folder) for folder in folders]
+    with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
+        stitch(folders, plan.windows, Path(name), run.config.track)
+        row = _summed(rows, Path(name), path)
+        return _finish(row, source, Path(name), run)
 
 
 def _row_of(folder: Path) -> RecordingRow:
@@ -128,7 +130,7 @@ def _row_of(folder: Path) -> RecordingRow:
 
 
 def _summed(rows: list[RecordingRow], parts: Path, path: Path) -> RecordingRow:
-    """Return what is known of the whole; frames are counted where they count."""
+    """Return the row of the whole recording; frames of overlaps are counted once."""
     import pyarrow.compute as pc
     import pyarrow.parquet as pq
 
@@ -146,26 +148,20 @@ def _summed(rows: list[RecordingRow], parts: Path, path: Path) -> RecordingRow:
 
 
 def _finish(row: RecordingRow, source: Source, parts: Path, run: Run) -> Manifest:
-    """Let a database of its own take in and estimate the recording, as that of a run would."""
-    with own_store(run.begun) as store:
-        commit(store, row, parts, run.begun.run_id, run.config, StageTimes())
+    """Store and estimate the recording, as a run into a database does, and publish it."""
+    with stored_alone(row, parts, run.begun, run.config, StageTimes()) as store:
         return _publish(store, row.recording_id, source, run, row, None)
 
 
-def _failed(path: Path, run: Run, error: StadimeterError | OSError) -> Manifest:
-    """Leave the reason why a recording cannot be read."""
-    problem = str(error)
-    if isinstance(error, OSError):
-        problem = f"{path} cannot be read: {error.strerror or error}"
+def _failed(path: Path, run: Run, error: StadimeterError) -> Manifest:
+    """Leave the reason why there is nothing of a recording."""
     try:
         source = Source.of(path)
     except OSError:
         source = Source(str(path.absolute()), 0, 0)
-    note = Diagnostic(Severity.ERROR, "unreadable_file", problem)
     with own_store(run.begun) as store:
-        with store.transaction():
-            add_diagnostics(store, [note], None, run.begun.run_id, path.name)
-        return _publish(store, key_of_failure(source), source, run, None, problem)
+        add_failure(store, path, error, run.begun.run_id)
+        return _publish(store, key_of_failure(source), source, run, None, str(error))
 
 
 def _publish(

@@ -78,12 +78,12 @@ class DamagedRecording(StadimeterError):
     """The file is an MCAP, but nothing of it can be read."""
 
 
+class RecordingFailed(StadimeterError):
+    """A recording cannot be worked, for a reason that nobody foresaw."""
+
+
 class UnsupportedChannel(StadimeterError):
     """A channel holds the right kind of data in an encoding that is not read."""
-
-
-class InvalidExposure(StadimeterError):
-    """Lens or exposure data are physically impossible."""
 
 
 class CalibrationUndetermined(StadimeterError):

@@ -1,4 +1,4 @@
-"""A recording with what was measured in it: the original messages, byte for byte, and ours.
+"""A recording with its results: the original messages, byte for byte, and ours.
 
 results:      the rows of a recording's current run, frame by frame
 annotations:  rows -> messages: boxes, objects, estimates, the ground

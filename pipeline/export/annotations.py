@@ -57,7 +57,7 @@ _COLOURS = (
 
 
 class CameraScene:
-    """The messages of one camera. It knows which objects are shown, to take them away again."""
+    """The messages of one camera, and the objects that are shown, to take them away again."""
 
     def __init__(self, camera: Mapping[str, Any]) -> None:
         self.name = str(camera["camera"])
@@ -68,7 +68,7 @@ class CameraScene:
         self._shown: set[str] = set()
 
     def ground(self, time_ns: int) -> FrameTransform | None:
-        """Return where the ground below the camera is; None if the pose is unknown."""
+        """Return the transform to the ground below the camera; None if the pose is unknown."""
         if not self._posed:
             return None
         height_m, tilt, roll = (
@@ -166,7 +166,7 @@ class CameraScene:
         return message
 
     def _place(self, row: Row) -> tuple[float, float, float] | None:
-        """Return where an object is: on the ground, or in the camera's frame at its depth."""
+        """Return the position of an object: on the ground, or in the camera's frame at its depth."""
         if self._posed:
             if row["x_m"] is None or row["y_m"] is None:
                 return None
@@ -183,7 +183,7 @@ _EDGES = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")
 
 
 def words(row: Row) -> str:
-    """Return what is said at an object: its class and track, its depth and height with intervals."""
+    """Return the label of an object: its class and track, its depth and height with intervals."""
     parts = [f"{row['class_name']} {row['track_id']}" if row["track_id"] else row["class_name"]]
     if row["depth_m"] is not None:
         parts.append(_with_interval(row["depth_m"], row["depth_std_m"], 1))

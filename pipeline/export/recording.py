@@ -29,7 +29,7 @@ from pipeline.store.recordings import list_recordings
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """How much an export holds, and whether parts of the original were lost."""
+    """Counts of an export, and notes on parts of the original that were lost."""
 
     messages: int
     frames: int
@@ -40,7 +40,7 @@ class Exported:
 def export_recording(
     recording: Path, database: Path, target: Path, limits: Limits, report: Report = silent
 ) -> Exported:
-    """Write a recording with what was measured in it; the file appears when it is complete.
+    """Write a recording with its results; the file appears when it is complete.
 
     Raises:
         UsageError: the recording is not in the database, or would be overwritten.
@@ -84,7 +84,7 @@ def _not_measured(recording: Path, database: Path) -> UsageError:
 
 
 class _Export:
-    """One export on its way."""
+    """One export, and its state while it runs."""
 
     def __init__(
         self, file: McapFile, store: Store, row: dict[str, Any], stream: Any, report: Report
@@ -104,7 +104,7 @@ class _Export:
         self._own: dict[str, int] = {}
 
     def run(self) -> None:
-        """Copy and add everything."""
+        """Copy the original's messages and add ours, by log time."""
         self._writer.start(profile="", library=f"stadimeter {__version__}")
         waiting = next(self._results, None)
         for raw in self.file.messages():

@@ -1,4 +1,4 @@
-"""What the current run says of each frame of a recording, in slices, so that a day stays small."""
+"""Results of the current run for each frame of a recording, in slices, so that a day stays small."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ ORDER BY observation_index
 
 @dataclass(frozen=True, slots=True)
 class FrameResult:
-    """One frame and the observations in it, each with the estimate that counts."""
+    """One frame and the observations in it, each with the estimate of the first method that has one."""
 
     camera: str
     frame_index: int

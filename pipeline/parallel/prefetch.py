@@ -13,7 +13,7 @@ LOOK_S = 0.1  # how long the thread may take to notice that nobody wants its ite
 
 
 class _End(Generic[T]):
-    """The last thing in the queue: why there are no more items."""
+    """Mark of the end in the queue, with the error that ended the items, if any."""
 
     def __init__(self, error: BaseException | None) -> None:
         self.error = error

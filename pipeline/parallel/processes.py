@@ -1,6 +1,6 @@
 """Tasks side by side: functions and their arguments go out, results come back under their names.
 
-What runs them is an engine: this process, several processes of this machine, or Ray (`cluster.engine`).
+An engine runs them: this process, several processes of this machine, or Ray (`cluster.engine`).
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ Listener = Callable[[Any], None]
 
 
 class WorkerLost(StadimeterError):
-    """The process or machine that did a task died of it, or with it."""
+    """A task that is given up, as the process or machine that ran it died each time."""
 
 
 def lost(name: object, why: object) -> WorkerLost:
-    """Return what is said of a task that is given up."""
+    """Return the error of a task that is given up."""
     return WorkerLost(
         f"what worked on it died {RETRIES + 1} times: {why}",
         remedy=f"See whether memory ran out; `stadimeter inspect` tells what is in {name}",
@@ -47,7 +47,7 @@ def lost(name: object, why: object) -> WorkerLost:
 
 
 class Engine(Protocol):
-    """Runs tasks."""
+    """Anything that runs tasks."""
 
     def submit(self, name: object, task: Callable[..., Any], *arguments: object) -> None:
         """Begin a task, or let it wait for its turn."""
@@ -134,11 +134,13 @@ class LocalEngine:
         self._told.close()
 
 
+# Where `tell` goes: from a process of an engine, or from a task in this process.
 _to_parent: Connection | None = None
+_to_here: Listener | None = None
 
 
 def _context(loads: Sequence[str]) -> BaseContext:
-    """Return how processes begin: with none of this one's threads and locks.
+    """Return the way in which processes begin: with none of this one's threads and locks.
 
     Linux copies them from one that has loaded the modules and done nothing else: once for all.
     """
@@ -150,7 +152,7 @@ def _context(loads: Sequence[str]) -> BaseContext:
 
 
 def _one_way(context: BaseContext) -> tuple[Connection, Connection]:
-    """Return the ends of a pipe; who finds it full does not wait."""
+    """Return the ends of a pipe; a sender that finds it full does not wait."""
     heard, told = context.Pipe(duplex=False)
     if os.name == "posix":
         os.set_blocking(told.fileno(), False)
@@ -165,6 +167,8 @@ def _begin_process(told: Connection) -> None:
 
 def tell(message: object) -> None:
     """Tell the listener of the engine that runs this task something small that it may also miss."""
+    if _to_here is not None:
+        _to_here(message)
     if _to_parent is None:
         return
     data = ForkingPickler.dumps(message)
@@ -176,7 +180,8 @@ def tell(message: object) -> None:
 class InlineEngine:
     """This process, one task after another."""
 
-    def __init__(self) -> None:
+    def __init__(self, listener: Listener | None = None) -> None:
+        self._listener = listener
         self._waiting: deque[_Task] = deque()
 
     def submit(self, name: object, task: Callable[..., Any], *arguments: object) -> None:
@@ -185,9 +190,15 @@ class InlineEngine:
 
     def results(self) -> Iterator[tuple[Any, Any]]:
         """Yield name and result of each task as it ends."""
+        global _to_here
         while self._waiting:
             task = self._waiting.popleft()
-            yield task.name, task.function(*task.arguments)
+            _to_here = self._listener
+            try:
+                found = task.function(*task.arguments)
+            finally:
+                _to_here = None
+            yield task.name, found
 
 
 @dataclass(slots=True)
@@ -206,11 +217,11 @@ def local_engine(
 
     Args:
         workers: how many processes; one is this process.
-        listener: hears what tasks of other processes tell.
+        listener: hears what tasks tell.
         loads: modules that all tasks need.
     """
     if workers <= 1:
-        yield InlineEngine()
+        yield InlineEngine(listener)
         return
     engine = LocalEngine(workers, listener, loads)
     try:

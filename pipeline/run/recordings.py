@@ -1,9 +1,9 @@
 """Recordings through both passes, into the database and onto timelines.
 
-    measure (pass 1) -> store -> estimate (pass 2) -> timeline
+    work each (`recording`: measure -> estimate -> timeline -> rows as files) -> take its rows in
 
 A recording is committed whole, with its estimates, or not at all. Only this process writes to the
-database, because DuckDB lets one in; the others hand over Parquet files.
+database, because DuckDB lets one in; each recording hands over Parquet files, wherever it was worked.
 """
 
 from __future__ import annotations
@@ -14,10 +14,9 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -25,21 +24,21 @@ from pipeline import __version__
 from pipeline.core.config import Config
 from pipeline.core.errors import StoreError, Where
 from pipeline.core.progress import Progress, Report, silent
-from pipeline.core.records import Diagnostic, Severity
+from pipeline.parallel.processes import WorkerLost, local_engine
 from pipeline.run.pass_two import estimate_recording
-from pipeline.run.recording import Outcome, add_timelines, commit, measure
-from pipeline.run.workers import Work, collect, side_by_side
+from pipeline.run.recording import Outcome, Timelines, Work, add_failure, work_alone
 from pipeline.store.database import Store
-from pipeline.store.recordings import add_diagnostics, list_recordings
+from pipeline.store.parquet import take_rows
+from pipeline.store.recordings import list_recordings, refuse_collision
 from pipeline.store.runs import finish_run, new_run_id, start_run
-from pipeline.store.scratch import Begun
+from pipeline.store.scratch import Begun, empty_database
 
 LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "rerun-sdk", "scipy")
 
 
 @dataclass(slots=True)
 class RunResult:
-    """Outcome of all recordings of a run."""
+    """Outcomes of all recordings of a run, in the order in which they were given."""
 
     run_id: str
     outcomes: list[Outcome] = field(default_factory=list)
@@ -51,7 +50,7 @@ class RunResult:
 
     @property
     def failed(self) -> list[Outcome]:
-        """Recordings of which nothing was stored."""
+        """Recordings of which nothing was stored, or of which no timeline could be written."""
         return [o for o in self.outcomes if o.error is not None]
 
     @property
@@ -65,12 +64,21 @@ def run(
     database: Path,
     config: Config,
     *,
-    timelines: Path | None = None,
+    timelines: Timelines | None = None,
     workers: int = 1,
     label: str | None = None,
     report: Report = silent,
 ) -> RunResult:
-    """Measure, store and estimate recordings; write a timeline of each if a folder is given.
+    """Measure, estimate and store recordings; write a timeline of each if it is told how.
+
+    Args:
+        recordings: their files.
+        database: to store them in; it is made if there is none.
+        config: how to work them.
+        timelines: folder and writer of timelines, None for none.
+        workers: processes at a time; one is this process.
+        label: a name for the run.
+        report: is told what is done.
 
     Raises:
         StoreError: the database cannot be opened or written.
@@ -79,34 +87,35 @@ def run(
     new = not database.exists()
     begun = begin(config, label)
     result = RunResult(begun.run_id)
-    here = workers <= 1 or len(paths) == 1
+    processes = min(workers, len(paths))
+    threads = 1 if processes > 1 else 2
+    last = {path.stem: path for path in paths}  # a timeline has its recording's name
     with (
-        Store.hold(database, roomy=timelines is not None and here) as store,
+        Store.hold(database) as store,
         ThreadPoolExecutor(1) as aside,
-        _parts_folder(database) as parts,
+        _folder_beside(database) as folder,
+        local_engine(processes, report, [work_alone.__module__]) as engine,
     ):
         # A new one's tables and views take half a second, which is nobody's to wait for. With one that
         # is there more can go wrong: that is to be known before an hour of footage is measured.
         prepared = aside.submit(_prepare, store, begun)
         if not new:
             prepared.result()
-        last = {path.stem: path for path in paths}  # a timeline has its recording's name
-        works = [
-            Work(
-                path,
-                config,
-                begun,
-                parts / f"{n:06d}",
-                timelines if last[path.stem] == path else None,
-            )
-            for n, path in enumerate(paths)
-        ]
-        done = _one_by_one if here else partial(_side_by_side, workers)
-        for outcome in done(works, store, prepared, report):
+        if processes <= 1:
+            aside.submit(empty_database)  # while the first recording is measured
+        for n, path in enumerate(paths):
+            shown = timelines if last[path.stem] == path else None
+            work = Work(path, config, begun, folder / f"{n:06d}", shown, threads)
+            engine.submit(work, work_alone, work)
+        taken: dict[str, int] = {}
+        for work, found in engine.results():
+            prepared.result()
+            outcome = Outcome(work.path, error=found) if isinstance(found, WorkerLost) else found
+            _take(store, outcome, begun.run_id, taken, paths.index(work.path))
+            shutil.rmtree(work.folder, ignore_errors=True)
             result.outcomes.append(outcome)
             if outcome.recording is not None:
-                frames = outcome.recording.frame_count
-                report(Progress(outcome.path.name, "done", frames, 1.0))
+                report(Progress(work.path.name, "done", outcome.recording.frame_count, 1.0))
         prepared.result()
         finish_run(store, begun.run_id)
     result.outcomes.sort(key=lambda outcome: paths.index(outcome.path))
@@ -143,57 +152,34 @@ def estimate_again(database: Path, config: Config, label: str | None) -> tuple[s
     return run_id, len(rows)
 
 
-def _one_by_one(
-    works: list[Work], store: Store, prepared: Future[None], report: Report
-) -> Iterator[Outcome]:
-    """Do all of one recording after another in this process."""
-    for work in works:
-        outcome = measure(work.path, work.config, work.folder, threads=2, report=report)
-        prepared.result()
-        row = outcome.recording
-        if row is None:
-            _store_reason(store, outcome, work.begun.run_id)
-        else:
-            report(Progress(work.path.name, "estimate", row.frame_count, 1.0))
-            commit(store, row, work.folder, work.begun.run_id, work.config, outcome.times)
-        shutil.rmtree(work.folder, ignore_errors=True)
-        if row is not None and work.timelines is not None:
-            add_timelines(store, outcome, work.timelines, work.config, report)
-        yield outcome
+def _take(store: Store, outcome: Outcome, run_id: str, taken: dict[str, int], place: int) -> None:
+    """Commit a recording whole, and the reason of a failure.
 
-
-def _side_by_side(
-    workers: int, works: list[Work], store: Store, prepared: Future[None], report: Report
-) -> Iterator[Outcome]:
-    """Let processes do all of the recordings, and store what they made of them."""
-    place = {work.path: n for n, work in enumerate(works)}
-    taken: dict[str, int] = {}  # of files with the same content the last stays, whoever was faster
-    for worked in side_by_side(works, workers, report):
-        prepared.result()
-        outcome = worked.outcome
-        if outcome.recording is None:
-            _store_reason(store, outcome, works[0].begun.run_id)
-        elif place[outcome.path] > taken.get(outcome.recording.recording_id, -1):
-            collect(store, worked)
-            taken[outcome.recording.recording_id] = place[outcome.path]
-        yield outcome
-
-
-def _store_reason(store: Store, outcome: Outcome, run_id: str) -> None:
-    """Commit the reason why a recording cannot be had.
+    Of files with the same content the last stays, whichever was finished first: `taken` has the places of
+    those that are stored.
 
     Raises:
         StoreError: there is no room for it; that is nothing that the recording could help.
     """
     if isinstance(outcome.error, StoreError):
         raise outcome.error
-    note = Diagnostic(Severity.ERROR, "unreadable_file", str(outcome.error))
-    with store.transaction():
-        add_diagnostics(store, [note], None, run_id, outcome.path.name)
+    row = outcome.recording
+    if row is not None and place > taken.get(row.recording_id, -1):
+        try:
+            refuse_collision(store, row)
+        except StoreError as error:
+            outcome.recording, outcome.error = None, error
+        else:
+            with outcome.times.stage("store"), store.transaction():
+                take_rows(store, row.recording_id, outcome.files)
+            taken[row.recording_id] = place
+    if outcome.error is not None:
+        stored = outcome.recording.recording_id if outcome.recording is not None else None
+        add_failure(store, outcome.path, outcome.error, run_id, stored)
 
 
 @contextmanager
-def _parts_folder(database: Path) -> Iterator[Path]:
+def _folder_beside(database: Path) -> Iterator[Path]:
     """Give a folder beside the database (the same disk) that is gone afterwards.
 
     Who holds the database holds it alone: folders that are there already were left by a run that

@@ -1,4 +1,4 @@
-"""What there is to ask: tables, views and table macros with their comments."""
+"""Catalogue of tables, views and table macros with their comments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opening a database file, and saying plainly why it cannot be opened.
+"""Opening a database file, with a plain reason if it cannot be opened.
 
 No connection reaches any other file or the network: what comes in comes as Arrow. So nothing that a
 user puts into `stadimeter query` can read or write beside the database.

@@ -13,7 +13,7 @@ from pipeline.store.database import Store, read_once
 
 
 def forget_estimates(store: Store, recording_id: str, run_id: str) -> None:
-    """Delete what pass 2 made of a recording in a run; call inside a transaction."""
+    """Delete the estimates of a recording in a run; call inside a transaction."""
     for table in ESTIMATE_TABLES:
         store.connection.execute(
             f"DELETE FROM {table} WHERE recording_id = ? AND run_id = ?", [recording_id, run_id]

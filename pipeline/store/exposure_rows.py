@@ -1,4 +1,4 @@
-"""What `main.exposure_checks` says of a recording, by stretches: a day needs the memory of one."""
+"""Verdicts of `main.exposure_checks` on a recording, by stretches: a day needs the memory of one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _WHERE = "WHERE verdict <> 'agrees' AND frame_index BETWEEN $low AND $high GROUP
 
 
 def exposure_verdicts(store: Store, recording_id: str, stretch: int = STRETCH) -> pa.Table:
-    """Return how many frames of each camera have each verdict, but for those that agree."""
+    """Return the count of frames of each camera and verdict, but for those that agree."""
     cameras = store.connection.execute(
         "SELECT camera, min(frame_index), max(frame_index) FROM frames "
         "WHERE recording_id = ? GROUP BY camera ORDER BY camera",
@@ -45,7 +45,7 @@ def exposure_verdicts(store: Store, recording_id: str, stretch: int = STRETCH) -
 def _stretches(
     recording_id: str, camera: str, first: int, last: int, stretch: int
 ) -> Iterator[dict[str, object]]:
-    """Yield which frames are asked, and of which of them the answers are wanted."""
+    """Yield ranges of frames: those that are asked, and those of which the answers are wanted."""
     for low in range(first, last + 1, stretch):
         high = min(low + stretch - 1, last)
         yield {

@@ -43,7 +43,7 @@ def write_rows(store: Store, folder: Path, compression: str) -> dict[str, Path]:
 def take_rows(store: Store, recording_id: str | None, files: Mapping[str, Path]) -> None:
     """Replace a recording by its rows in files; call inside a transaction.
 
-    Without an id they are what is said of a file that is no recording.
+    Without an id they are diagnostics of a file that is no recording.
     """
     if recording_id is not None:
         forget(store, recording_id)

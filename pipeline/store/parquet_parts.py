@@ -1,4 +1,4 @@
-"""What pass 1 measures, streamed to Parquet and back: one file a table, so that memory stays flat."""
+"""Tables of pass 1, streamed to Parquet and back: one file a table, so that memory stays flat."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROWS_READ = 20_000  # at about 250 bytes, some of it twice
 
 
 class PartWriter:
-    """Writes the tables of pass 1 to a folder, some batches at a time."""
+    """Writer of the tables of pass 1 to a folder, some batches at a time."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -75,7 +75,7 @@ class PartWriter:
 
 
 def read_part(folder: Path, table: str) -> Iterator[pa.Table]:
-    """Yield what pass 1 wrote for a table, some rows at a time.
+    """Yield the rows of a table of pass 1, some at a time.
 
     It is in `<table>.parquet`, or in `<table>-*.parquet` in order.
 

@@ -1,4 +1,4 @@
-"""How many decimals of a measured number are kept.
+"""Decimals of measured numbers that are kept.
 
 A double that ends after a few decimals is packed as a small whole number (DuckDB's ALP): 2.3 bytes
 instead of 7, and fewer than a 32-bit float takes, which has digits that mean nothing too. What is cut off

@@ -59,7 +59,7 @@ def list_recordings(store: Store) -> pa.Table:
 
 
 def replace_recording(store: Store, recording: RecordingRow, parts: Path, run_id: str) -> str:
-    """Replace a recording by what pass 1 measured of it; call inside a transaction.
+    """Replace a recording by the parts that pass 1 wrote; call inside a transaction.
 
     Observations of tracks that did not last (they are not in the part `tracks`) are noise of the
     detector and are left out. Returns the recording's id.

@@ -28,7 +28,7 @@ COMMENT ON COLUMN schema_version.sql_sha256 IS 'Hash of the SQL that made the ta
 
 
 def apply_schema(connection: duckdb.DuckDBPyConnection, only: Collection[str] = ()) -> None:
-    """Create or alter what is missing of the tables, and make views anew if any text differs.
+    """Create or alter tables that differ from this version's, and make views anew if any text differs.
 
     Args:
         connection: to a database, which may be empty.
@@ -53,12 +53,12 @@ def apply_schema(connection: duckdb.DuckDBPyConnection, only: Collection[str] = 
 
 
 def is_current(connection: duckdb.DuckDBPyConnection) -> bool:
-    """Whether the tables and views of a database are those of this version."""
+    """Return true if the tables and views of a database are those of this version."""
     return _made(connection) == _digest()
 
 
 def _made(connection: duckdb.DuckDBPyConnection) -> str | None:
-    """Return by which SQL the tables and views were made."""
+    """Return the hash of the SQL that made the tables and views."""
     # All of it is fetched: while a result is open the connection takes no other statement.
     found = connection.execute("SELECT sql_sha256 FROM schema_version").fetchall()
     return str(found[0][0]) if len(found) == 1 else None
@@ -90,7 +90,7 @@ def _view_files() -> dict[str, str]:
 
 
 def _needed(scripts: Mapping[str, str]) -> dict[str, set[str]]:
-    """Return what each view mentions of the others."""
+    """Return, by view, the other views that it mentions."""
     return {
         name: {other for other in _mentioned(script) if other in scripts and other != name}
         for name, script in scripts.items()

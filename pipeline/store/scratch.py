@@ -42,14 +42,14 @@ def own_store(begun: Begun, folder: Path | None = None, *, roomy: bool = False) 
     """Give an empty database that is gone afterwards, with the run's row; it lies in a folder."""
     with tempfile.TemporaryDirectory(prefix="stadimeter-", dir=folder) as name:
         path = Path(name) / "one.duckdb"
-        path.write_bytes(_empty_database())
+        path.write_bytes(empty_database())
         with Store.hold(path, roomy=roomy) as store:
             begun.enter(store)
             yield store
 
 
 @cache
-def _empty_database() -> bytes:
+def empty_database() -> bytes:
     """Return a database without rows; to make one takes longer than to copy it."""
     with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
         path = Path(name) / "empty.duckdb"

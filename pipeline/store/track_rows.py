@@ -1,4 +1,4 @@
-"""Reading observations by whole tracks, and what else is in their frames, a few columns of it.
+"""Reading observations by whole tracks, and a few columns of the other boxes in their frames.
 
 Observations lie by camera and frame, and a track is a short range of frames: DuckDB skips the blocks
 whose smallest and largest frame number are outside it, without an index.

@@ -14,9 +14,11 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
+from dashboards.timeline.split import write_timelines
 from pipeline.core.config import CameraConfig, Config
 from pipeline.core.records import Intrinsics
 from pipeline.mcap_file.writer import RecordingWriter, calibration_message, timestamp
+from pipeline.run.recording import Timelines
 from pipeline.run.recordings import estimate_again, run
 from pipeline.store.database import Store
 from tests.support.footage import FRAME_NS, HEIGHT_PX, WIDTH_PX, Walker, ground, paint
@@ -87,7 +89,7 @@ def write(path: Path, kind: str, count: int = COUNT) -> None:
 def test_walkers_are_measured_in_any_pictures(kind: str, tmp_path: Path) -> None:
     recording, database = tmp_path / "x.mcap", tmp_path / "x.duckdb"
     write(recording, kind)
-    result = run([recording], database, Config(), timelines=tmp_path)
+    result = run([recording], database, Config(), timelines=Timelines(tmp_path, write_timelines))
     assert not result.failed
     assert not result.damaged
     # the pictures are on it, as JPEGs: bare they are 900 kB each

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import pipeline.run.recording
+from dashboards.timeline.split import write_timelines
+from pipeline.cluster.shared_run import run_shared
 from pipeline.core.config import CameraConfig, Config
-from pipeline.core.errors import StoreError
+from pipeline.core.errors import RecordingFailed, StoreError
 from pipeline.core.progress import Progress
 from pipeline.core.records import Intrinsics
 from pipeline.mcap_file.writer import (
@@ -23,6 +25,8 @@ from pipeline.mcap_file.writer import (
     timestamp,
 )
 from pipeline.optics.silhouette import mean_reach
+from pipeline.run.pass_two import estimate_recording
+from pipeline.run.recording import Timelines
 from pipeline.run.recordings import estimate_again, run
 from pipeline.store.database import Store
 from pipeline.store.recordings import RecordingRow
@@ -212,7 +216,7 @@ def test_workers_give_the_same_rows_as_one_process(tmp_path: Path) -> None:
             paths,
             folder / "x.duckdb",
             LEVEL,
-            timelines=folder / "rrd",
+            timelines=Timelines(folder / "rrd", write_timelines),
             workers=workers,
             label="night",
             report=said.append,
@@ -264,3 +268,64 @@ def test_a_database_that_cannot_be_prepared_ends_the_run(
     assert measured == ([people] if new else [])
     monkeypatch.undo()
     assert len(run([people], database, LEVEL).stored) == 1  # it is let go of, and of use again
+
+
+def fail_on(name: str) -> Callable[..., None]:
+    """Estimate as always, but for one recording, which meets an error that nobody foresaw."""
+
+    def estimate(store: Store, key: str, run_id: str, file_name: str, config: Config) -> None:
+        if file_name == name:
+            raise np.linalg.LinAlgError("Singular matrix")
+        estimate_recording(store, key, run_id, file_name, config)
+
+    return estimate
+
+
+def test_an_unforeseen_error_costs_one_recording(
+    people: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bad, database = tmp_path / "bad.mcap", tmp_path / "x.duckdb"
+    write_people(bad, frames=9)
+    monkeypatch.setattr(pipeline.run.recording, "estimate_recording", fail_on("bad.mcap"))
+    result = run([bad, people], database, LEVEL)
+    assert [o.path for o in result.stored] == [people]
+    (failed,) = result.failed
+    assert isinstance(failed.error, RecordingFailed)
+    shared = run_shared([bad, people], tmp_path / "parts", LEVEL)
+    assert [f.path.name for f in shared.made] == ["people.mcap"]
+    assert shared.failed[0].error is not None
+    for said in (str(failed.error), str(shared.failed[0].error)):
+        assert said.startswith(f"{bad}: ")
+        assert "LinAlgError: Singular matrix (test_recordings.py:" in said
+    with Store.open(database, read_only=True) as store:
+        rows = store.query("SELECT * FROM diagnostics WHERE severity = 'error'").to_pylist()
+        assert store.query("SELECT DISTINCT recording_id FROM frames").num_rows == 1
+    assert [(r["code"], r["file_name"], r["recording_id"]) for r in rows] == [
+        ("recording_failed", "bad.mcap", None)
+    ]
+
+
+def test_a_timeline_that_cannot_be_written_costs_no_numbers(people: Path, tmp_path: Path) -> None:
+    def refuse(store: Store, key: str, file: Path, folder: Path, config: Config) -> list[Path]:
+        raise PermissionError(13, "Permission denied", str(folder))
+
+    result = run(
+        [people], tmp_path / "x.duckdb", LEVEL, timelines=Timelines(tmp_path / "no", refuse)
+    )
+    assert [o.path for o in result.stored] == [o.path for o in result.failed] == [people]
+    assert str(tmp_path / "no") in str(result.failed[0].error)
+    with Store.open(tmp_path / "x.duckdb", read_only=True) as store:
+        rows = store.query("SELECT recording_id FROM diagnostics WHERE code = 'timeline_failed'")
+        assert rows.equals(store.query("SELECT recording_id FROM recordings"))
+        assert store.query("FROM estimates").num_rows > 0
+
+
+def test_a_key_that_another_recording_has_costs_one_recording(
+    people: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other, database = tmp_path / "other.mcap", tmp_path / "x.duckdb"
+    write_people(other, frames=9)
+    monkeypatch.setattr(RecordingRow, "recording_id", property(lambda _: "same"))
+    result = run([people, other], database, LEVEL)
+    assert [o.path for o in result.stored] == [people]
+    assert "taken by another recording" in str(result.failed[0].error)

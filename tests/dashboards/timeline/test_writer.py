@@ -16,10 +16,12 @@ from dashboards.review.review import Review, write_review
 from dashboards.review.viewer import no_driver
 from dashboards.timeline.names import entity_part, markdown, path, visible
 from dashboards.timeline.scene import Pose
+from dashboards.timeline.split import write_timelines
 from pipeline.core.config import Config, TimelineConfig, load_config
 from pipeline.images.decode import image_size
 from pipeline.mcap_file.writer import RecordingWriter, image_message
 from pipeline.optics.ground_plane import project_person
+from pipeline.run.recording import Timelines
 from pipeline.run.recordings import run
 from pipeline.store.database import Store
 from tests.run.test_recordings import LEVEL, START_NS, jpeg, write_people
@@ -39,7 +41,9 @@ def timeline(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("timeline")
     recording = folder / "people.mcap"
     write_people(recording)
-    result = run([recording], folder / "x.duckdb", LEVEL, timelines=folder)
+    result = run(
+        [recording], folder / "x.duckdb", LEVEL, timelines=Timelines(folder, write_timelines)
+    )
     assert result.outcomes[0].timelines == [folder / "people.rrd"]
     return folder / "people.rrd"
 
@@ -99,7 +103,9 @@ def test_names_from_files_cannot_reach_other_entities(tmp_path: Path) -> None:
     name = "../a/b [x](javascript:alert(1)) \x1b[31m"
     with RecordingWriter(recording) as w:
         w.write("/i", image_message(jpeg(), "jpeg", START_NS, name), START_NS)
-    run([recording], tmp_path / "x.duckdb", Config(), timelines=tmp_path)
+    run(
+        [recording], tmp_path / "x.duckdb", Config(), timelines=Timelines(tmp_path, write_timelines)
+    )
     found = entities(tmp_path / "evil.rrd")
     pictures = [e for e in found if e.endswith("/camera/image")]
     assert len(pictures) == 1
@@ -136,7 +142,13 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("demo")
     config = load_config(ROOT / "recordings" / "cameras.toml")
     recordings = [ROOT / "recordings" / f"{name}.mcap" for name in ("staff", "street", "walkers")]
-    run(recordings, folder / "x.duckdb", config, timelines=folder, workers=2)
+    run(
+        recordings,
+        folder / "x.duckdb",
+        config,
+        timelines=Timelines(folder, write_timelines),
+        workers=2,
+    )
     return folder
 
 
