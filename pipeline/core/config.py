@@ -46,7 +46,11 @@ MIN_SIDE_PX = 256
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Bounds on what a file may claim, checked before memory is taken."""
+    """Bounds on what a file may claim and on the work that it may cause.
+
+    Claims are checked before memory is taken. Work is bounded by counts and not by a clock, so that
+    the same file gives the same result on every machine; see docs/promises.md for the time it takes.
+    """
 
     record_bytes: int = 256 * 1024**2  # one MCAP record; a 4K raw frame is 33 MB
     chunk_bytes: int = 128 * 1024**2  # one chunk, decompressed; writers make them of 1 to 50 MB
@@ -63,7 +67,13 @@ class Limits:
     waiting_values: int = 100_000  # of one source, that wait for a picture
     image_pixels: int = 100_000_000  # one picture; the largest sensors of today
     image_scans: int = 100  # of one JPEG, usually 10; each is a pass over the whole picture
-    search_places: int = 1_000_000  # that are tried, in all, to find records behind damage
+    # Work of one file: so much for any file, and so much more for each MB (10^6 bytes) that it has.
+    unpacked_bytes: int = 1024**3  # that compressed chunks become, in all
+    unpacked_bytes_per_mb: int = 100 * 10**6  # black raw pictures shrink to a hundredth in zstd
+    records: int = 1_000_000  # read, in all, messages among them
+    records_per_mb: int = 200_000  # a message of one number takes some 10 bytes, compressed
+    search_places: int = 20_000  # that are tried, in all, to find records behind damage
+    search_places_per_mb: int = 20_000
 
 
 @dataclass(frozen=True, slots=True)

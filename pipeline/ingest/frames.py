@@ -105,12 +105,8 @@ class FrameAssembler:
     @property
     def frames_lost(self) -> int:
         """Number of pictures that are known to be lost or could not be read as messages."""
-        channels = self.file.channels
-        return self._images_refused + sum(
-            count
-            for channel_id, count in self.file.lost_counts.items()
-            if channel_id in channels and kind_of(channels[channel_id]) in (Kind.IMAGE, Kind.VIDEO)
-        )
+        lost = self.file.pictures_lost(lambda channel: kind_of(channel) in (Kind.IMAGE, Kind.VIDEO))
+        return self._images_refused + lost
 
     def __iter__(self) -> Generator[Frame, None, None]:
         for raw in self.file.messages():

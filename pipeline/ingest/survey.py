@@ -13,8 +13,8 @@ from pipeline.core.records import Frame, Intrinsics, Pairing
 from pipeline.images.header import image_size
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.pose import CameraPose
-from pipeline.mcap_file.channels import Statistics, statistics_of
 from pipeline.mcap_file.reader import McapFile
+from pipeline.mcap_file.summary import Statistics, statistics_of
 from pipeline.messages.content import Kind
 from pipeline.messages.registry import kind_of
 

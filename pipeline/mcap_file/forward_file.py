@@ -3,24 +3,52 @@
 from __future__ import annotations
 
 import hashlib
+import stat
 import zlib
 from pathlib import Path
 from types import TracebackType
+
+from pipeline.core.errors import NotARecording, Where
 
 # Small records are cut out of blocks; what is larger than a block is read straight.
 _BLOCK = 1 << 16
 
 
+def regular_size(path: Path) -> int:
+    """Return the size of a regular file in bytes.
+
+    Raises:
+        NotARecording: it is a folder, a pipe or a device, which may have no end.
+        OSError: there is no such file.
+    """
+    status = path.stat()
+    if stat.S_ISREG(status.st_mode):
+        return status.st_size
+    if stat.S_ISDIR(status.st_mode):
+        raise NotARecording(
+            "a folder is no recording", where=Where(path), remedy="Name the .mcap files in it"
+        )
+    raise NotARecording(
+        "a pipe or a device is not read, as it may have no end",
+        where=Where(path),
+        remedy="Copy its bytes to a file first",
+    )
+
+
 class ForwardFile:
-    """Reads on from `position`; what is passed over is hashed too."""
+    """Reads on from `position`; what is passed over is hashed too.
+
+    The file ends where it ended when it was opened: one that grows is read up to there.
+    """
 
     def __init__(self, path: Path) -> None:
         """Open a file.
 
         Raises:
+            NotARecording: it is no regular file.
             OSError: it cannot be opened.
         """
-        self.size = path.stat().st_size
+        self.size = regular_size(path)
         self._stream = path.open("rb", buffering=0)
         self._aside = path.open("rb")
         self._sha256 = hashlib.sha256()
@@ -100,7 +128,7 @@ class ForwardFile:
     def peek(self, offset: int, count: int) -> bytes:
         """Return bytes from anywhere; the position stays."""
         self._aside.seek(offset)
-        return self._aside.read(count)
+        return self._aside.read(max(min(count, self.size - offset), 0))
 
     def peek_next(self) -> int:
         """Return the next byte, or -1 at the end of the file."""
@@ -122,7 +150,7 @@ class ForwardFile:
 
     def _read_into(self, view: memoryview, offset: int) -> int:
         """Fill a view from the file, and hash what is new; return how much there was."""
-        filled = 0
+        filled, view = 0, view[: max(self.size - offset, 0)]
         while filled < len(view) and (got := self._stream.readinto(view[filled:])):
             filled += got
         end = offset + filled

@@ -38,6 +38,13 @@ class Losses:
     def __init__(self, note: Note, channel_of: Callable[[int], ChannelInfo | None]) -> None:
         self.count = 0  # rises wherever something was left out
         self.messages: Counter[int] = Counter()  # that are known to be lost, by channel
+        # The same by the channel as it was declared then: an id may be declared anew.
+        self.by_channel: Counter[ChannelInfo | None] = Counter()
+        self.pictures = (
+            0  # lost messages of channels unknown that hold a picture, as its head shows
+        )
+        # Messages that were read by a channel declared anew: the first declaration, and the new one.
+        self.misread: Counter[tuple[ChannelInfo, ChannelInfo]] = Counter()
         self.newest_ns: int | None = None  # log time of the last message that was read
         self.in_gap = False
         self._note = note
@@ -61,6 +68,10 @@ class Losses:
         found = _diagnostic(Severity.ERROR, code, message, offset, start_ns, end_ns)
         self._note(replace(found, topic=topic, count=count))
 
+    def repaired(self, code: str, message: str, offset: int) -> None:
+        """Note damage by which nothing is lost."""
+        self._note(_diagnostic(Severity.ERROR, code, message, offset, self.newest_ns))
+
     def tell(
         self,
         severity: Severity,
@@ -71,6 +82,26 @@ class Losses:
     ) -> None:
         """Note something by which nothing is lost."""
         self._note(replace(_diagnostic(severity, code, message, offset), topic=topic))
+
+    def tell_span(
+        self, code: str, message: str, offset: int, span_ns: tuple[int | None, int | None]
+    ) -> None:
+        """Warn of something in a span of time by which nothing is lost."""
+        self._note(_diagnostic(Severity.WARNING, code, message, offset, *span_ns))
+
+    def pictures_lost(self, is_picture: Callable[[ChannelInfo], bool]) -> int:
+        """Return how many pictures are known to be lost.
+
+        Args:
+            is_picture: returns whether a channel's messages are pictures.
+        """
+        by_channel = sum(n for c, n in self.by_channel.items() if c is not None and is_picture(c))
+        misread = sum(
+            n
+            for (first, now), n in self.misread.items()
+            if is_picture(first) and not is_picture(now)
+        )
+        return by_channel + misread + self.pictures
 
     def truncated(self, offset: int, problem: str, time_ns: int | None = None) -> None:
         """Note that the file ends too early."""
@@ -134,6 +165,7 @@ class Losses:
         """Note messages that were lost."""
         channel = self._channel_of(channel_id)
         self.messages[channel_id] += count
+        self.by_channel[channel] += count
         self.damage(
             "lost_messages",
             how + (f" ({channel.schema_name})" if channel else ""),
@@ -189,7 +221,7 @@ def count_messages(data: bytes | memoryview) -> Counter[int]:
     while position + FRAMING.size <= len(data):
         opcode, length = FRAMING.unpack_from(data, position)
         position += FRAMING.size
-        if opcode not in KNOWN_OPCODES or length > len(data) - position:
+        if opcode == 0 or length > len(data) - position:
             break
         if opcode == Opcode.MESSAGE and length >= MESSAGE_HEAD.size:
             counts[int.from_bytes(data[position : position + 2], "little")] += 1

@@ -9,7 +9,7 @@ Source: the MCAP format specification, version 0.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from mcap.opcode import Opcode
@@ -19,6 +19,8 @@ FRAMING = struct.Struct("<BQ")  # opcode, length
 MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel id, sequence, log time, publish time
 KNOWN_OPCODES = frozenset(int(opcode) for opcode in Opcode)
 FIRST_PRIVATE_OPCODE = 0x80
+_CHUNK_HEAD = struct.Struct("<QQQII")  # times, size, CRC, length of the compression's name
+_FRAME_MAGIC = {"lz4": b"\x04\x22\x4d\x18", "zstd": b"\x28\xb5\x2f\xfd"}
 
 Peek = Callable[[int, int], bytes]  # offset, count -> at most so many bytes
 
@@ -194,6 +196,20 @@ def read_cut_chunk(body: bytes | memoryview) -> ChunkRecord:
     fields.numbers("Q")
     rest = fields.take(len(body) - fields.position)
     return ChunkRecord(start, end, size, crc, compression, rest)
+
+
+def chunk_readings(body: bytes | memoryview) -> Iterator[ChunkRecord]:
+    """Yield what a chunk may be that has a CRC, whatever it says of its sizes and compression."""
+    view = memoryview(body)
+    if len(view) < _CHUNK_HEAD.size:
+        return
+    start, end, size, crc, _ = _CHUNK_HEAD.unpack_from(view)
+    if crc == 0:
+        return
+    for compression in ("", "lz4", "zstd"):
+        data = view[_CHUNK_HEAD.size + len(compression) + 8 :]
+        if not compression or bytes(data[:4]) == _FRAME_MAGIC[compression]:
+            yield ChunkRecord(start, end, size, crc, compression, data)
 
 
 def read_metadata(body: bytes | memoryview, name_bytes: int, metadata_bytes: int) -> MetadataRecord:

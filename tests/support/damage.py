@@ -162,13 +162,13 @@ def flipped_chunk_crc(good: bytes) -> Damaged:
 def wrong_uncompressed_size(good: bytes) -> Damaged:
     at, _ = middle(good, Opcode.CHUNK)
     data = flipped(good, at + 9 + 16, 0x07)
-    return _damaged(data, at, "damaged_chunk", lost=frames_in_chunk(good, at))
+    return _damaged(data, at, "wrong_chunk_head")
 
 
 def uncompressed_size_of_terabytes(good: bytes) -> Damaged:
     at, _ = middle(good, Opcode.CHUNK)
     data = put(good, at + 9 + 16, struct.pack("<Q", 1 << 42))
-    return _damaged(data, at, "damaged_chunk", lost=frames_in_chunk(good, at))
+    return _damaged(data, at, "wrong_chunk_head")
 
 
 def unknown_compression(good: bytes) -> Damaged:
@@ -178,7 +178,7 @@ def unknown_compression(good: bytes) -> Damaged:
         data = flipped(good, at + 9 + 32 + 6, 0x01)
     else:
         data = put(good, at + 9 + 32, b"q" * size)
-    return _damaged(data, at, "damaged_chunk", "damaged_record", lost=frames_in_chunk(good, at))
+    return _damaged(data, at, "wrong_chunk_head")
 
 
 def chunk_length_too_large(good: bytes) -> Damaged:
@@ -206,20 +206,39 @@ def zero_chunk_length(good: bytes) -> Damaged:
 
 def chunk_opcode_gone(good: bytes) -> Damaged:
     at, _ = middle(good, Opcode.CHUNK)
-    data = put(good, at, b"\x00")
-    return _damaged(data, at, "lost_place", lost=frames_in_chunk(good, at))
+    return _damaged(put(good, at, b"\x00"), at, "wrong_opcode")
 
 
 def chunk_opcode_unknown(good: bytes) -> Damaged:
     at, _ = middle(good, Opcode.CHUNK)
-    lost = frames_in_chunk(good, at)
-    return _damaged(put(good, at, b"\x77"), at, "unknown_record", lost=lost)
+    return _damaged(put(good, at, b"\x77"), at, "wrong_opcode")
 
 
 def chunk_opcode_another(good: bytes) -> Damaged:
     at, _ = middle(good, Opcode.CHUNK)
+    return _damaged(put(good, at, bytes([Opcode.CHANNEL])), at, "wrong_opcode")
+
+
+def chunk_opcode_a_message_s(good: bytes) -> Damaged:
+    at, _ = middle(good, Opcode.CHUNK)
+    return _damaged(put(good, at, bytes([Opcode.MESSAGE])), at, "wrong_opcode")
+
+
+def chunk_repeated(good: bytes) -> Damaged:
+    """The same chunk twice, as a copy that was resumed too early leaves it."""
+    at, length = middle(good, Opcode.CHUNK)
+    end = at + 9 + length
+    return _damaged(insert(good, end, good[at:end]), end, "repeated_chunk")
+
+
+def first_chunk_and_a_byte_gone(good: bytes) -> Damaged:
+    """No offset of the summary fits any more, and it alone repeats the declarations."""
+    at, length = offsets(good, Opcode.CHUNK)[0]
     lost = frames_in_chunk(good, at)
-    return _damaged(put(good, at, bytes([Opcode.CHANNEL])), at, lost=lost)
+    damaged = flipped(good, at + length - 40)
+    later, _ = offsets(good, Opcode.CHUNK)[2]
+    lost += frames_in_chunk(good, later)
+    return _damaged(damaged[: later + 200] + damaged[later + 201 :], at, "damaged_chunk", lost=lost)
 
 
 def flipped_message_index(good: bytes) -> Damaged:
@@ -334,7 +353,7 @@ def unknown_opcodes(good: bytes) -> Damaged:
 def zero_length_records(good: bytes) -> Damaged:
     at, _ = middle(good, Opcode.CHUNK)
     empty = b"".join(record(opcode, b"") for opcode in (3, 4, 5, 7, 0x0C, 9))
-    return _damaged(insert(good, at, empty), at, "damaged_record")
+    return _damaged(insert(good, at, empty), at, "damaged_record", "lost_place")
 
 
 def garbage_between_records(good: bytes) -> Damaged:
@@ -365,7 +384,7 @@ def message_size_inside_a_chunk(good: bytes) -> Damaged:
 
 
 def concatenated(good: bytes) -> Damaged:
-    return _damaged(good + good, len(good), "another_recording")
+    return _damaged(good + good, len(good), "another_recording", "repeated_chunk")
 
 
 def bytes_after_the_end(good: bytes) -> Damaged:
@@ -434,6 +453,9 @@ DAMAGES: dict[str, Callable[[bytes], Damaged]] = {
         chunk_opcode_gone,
         chunk_opcode_unknown,
         chunk_opcode_another,
+        chunk_opcode_a_message_s,
+        chunk_repeated,
+        first_chunk_and_a_byte_gone,
         flipped_message_index,
         message_index_length,
         flipped_attachment,
