@@ -238,7 +238,7 @@ COMMENT ON COLUMN observations.frame_index IS 'The frame.';
 COMMENT ON COLUMN observations.track_id IS 'The track.';
 COMMENT ON COLUMN observations.object_id IS 'The recording''s own id of the object, where its detections have one.';
 COMMENT ON COLUMN observations.class_name IS 'Class of the object; unknown where the detector cannot tell.';
-COMMENT ON COLUMN observations.detector IS 'recorded, roi, motion, or a network.';
+COMMENT ON COLUMN observations.detector IS 'Name of the detector: recorded, roi, motion, or that of a network or another detector.';
 COMMENT ON COLUMN observations.score IS 'Confidence of the detector, 0..1.';
 COMMENT ON COLUMN observations.x_min_px IS 'Left edge of the box, pixels of the stored picture.';
 COMMENT ON COLUMN observations.y_min_px IS 'Upper edge of the box (the head of a person).';
@@ -280,7 +280,7 @@ COMMENT ON TABLE estimates IS 'One row for each observation, method and run: dep
 COMMENT ON COLUMN estimates.recording_id IS 'The recording.';
 COMMENT ON COLUMN estimates.run_id IS 'The run that made the estimate.';
 COMMENT ON COLUMN estimates.observation_index IS 'The observation.';
-COMMENT ON COLUMN estimates.method IS 'aperture (Eq. 16), inverse (Eq. 17), size, ground, defocus or fused.';
+COMMENT ON COLUMN estimates.method IS 'Name of the method, as in the table of methods of the README; fused combines the others.';
 COMMENT ON COLUMN estimates.calibration_id IS 'The calibration that was used.';
 COMMENT ON COLUMN estimates.depth_m IS 'Distance along the optical axis.';
 COMMENT ON COLUMN estimates.depth_std_m IS 'Standard deviation of depth_m; the 95 % interval is 1.96 of it to either side.';
