@@ -51,11 +51,9 @@ STILL_ASKING = (
     *(
         f"pipeline/{stage}/"
         for stage in (
-            "calibrate",
             "cli",
             "core",
             "detect",
-            "estimate",
             "images",
             "importing",
             "ingest",

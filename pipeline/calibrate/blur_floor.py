@@ -29,7 +29,7 @@ SHARPEST = 0.1
 
 @dataclass(frozen=True, slots=True)
 class BlurFloor:
-    """How soft a sharp edge is, without diffraction: pixels of the stored picture."""
+    """Width of a sharp edge, without diffraction: pixels of the stored picture."""
 
     floor_px: float
     std_px: float

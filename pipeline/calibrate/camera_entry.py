@@ -54,7 +54,7 @@ def given_pose(camera: CameraConfig, row: CameraRow) -> GroundPlane | None:
 
 
 def is_unsure(camera: CameraConfig, row: CameraRow) -> bool:
-    """Whether the lens in use is one of the camera file that walkers told."""
+    """Return whether the lens in use is one of the camera file that walkers told."""
     return (
         row.intrinsics_source == "camera_file"
         and row.fx_px is not None

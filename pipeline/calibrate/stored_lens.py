@@ -1,4 +1,4 @@
-"""Whose word counts for the lens of a stored camera, as a row of the table `cameras`."""
+"""Choice of the source that counts for a stored camera's lens, as a row of the table `cameras`."""
 
 from __future__ import annotations
 

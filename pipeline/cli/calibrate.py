@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 if TYPE_CHECKING:
     from pipeline.calibrate.blur_floor import BlurFloor
-    from pipeline.calibrate.walkers.known_lengths import Known
+    from pipeline.calibrate.walkers.known_lengths import KnownLengths
     from pipeline.core.calibration import Calibration
     from pipeline.run.calibration import FittedToTruth, Found
 
@@ -121,10 +121,10 @@ def call(arguments: argparse.Namespace) -> int:
     return DONE if found else FAILED
 
 
-def _known(arguments: argparse.Namespace) -> Known:
+def _known(arguments: argparse.Namespace) -> KnownLengths:
     import numpy as np
 
-    from pipeline.calibrate.walkers.known_lengths import Known, KnownDistance, KnownHeight
+    from pipeline.calibrate.walkers.known_lengths import KnownDistance, KnownHeight, KnownLengths
 
     heights, distances = [], []
     for text in arguments.known_height:
@@ -144,7 +144,7 @@ def _known(arguments: argparse.Namespace) -> Known:
             raise UsageError(
                 f"--known-distance {text!r} is no X,Y,X,Y=METRES, such as 310,420,505,433=4.2"
             ) from error
-    return Known(tuple(heights), tuple(distances))
+    return KnownLengths(tuple(heights), tuple(distances))
 
 
 def print_calibrations(fitted: FittedToTruth) -> int:

@@ -44,7 +44,7 @@ class Parameter:
 class Calibration:
     """Numbers that turn a size in the picture into a depth, for one camera, class and dimension.
 
-    A calibration of the paper's kind is an object size in disguise (k = O / (10 a_R), `docs/optics.md`),
+    A calibration of the paper's kind is an object size in disguise (k = O / (10 a_R), with O the size),
     so it belongs to what it was made on. Empty `camera` means any camera.
 
     Parameters by method: `aperture` has one `k` an f-number (Eq. 16); `inverse` has `b0_m` and

@@ -162,7 +162,7 @@ class Diagnostic:
 
 @dataclass(frozen=True, slots=True)
 class GroundPlane:
-    """The pose of a fixed camera above flat ground (DESIGN, section 2), with its covariance."""
+    """The pose of a fixed camera above flat ground, with its covariance."""
 
     camera_height_m: float
     tilt_rad: float

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
-import pandas as pd
 
 from pipeline.core.arrays import FloatArray
 
@@ -24,9 +22,3 @@ def noise_part(std: FloatArray, common_std: FloatArray) -> FloatArray:
 def finite(values: FloatArray) -> FloatArray:
     """Return values, NaN where they are infinite, (n,)."""
     return np.where(np.isfinite(values), values, np.nan)
-
-
-def median_by(group: npt.NDArray[np.generic], values: FloatArray) -> FloatArray:
-    """Return the median of what is known (not NaN) in each one's group, (n,); NaN where nothing is."""
-    median = pd.Series(values).groupby(group).transform("median")
-    return np.asarray(median, dtype=np.float64)

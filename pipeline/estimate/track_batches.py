@@ -1,4 +1,4 @@
-"""Which tracks are read and estimated together, so that memory does not grow with the recording.
+"""Batches of tracks that are estimated together, so that memory does not grow with the recording.
 
 A track is never cut: its height is that of all its frames. Tracks that begin one after another are a
 short range of frames, and so of the database.
@@ -40,7 +40,7 @@ class Tracks:
 
     @property
     def observations(self) -> int:
-        """How many observations they are."""
+        """Number of their observations."""
         return int(self.count.sum())
 
     def take(self, rows: IntArray | slice) -> Tracks:

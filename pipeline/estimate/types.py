@@ -36,7 +36,7 @@ class SweepFloor:
 
 @dataclass(frozen=True, slots=True)
 class CameraBlur:
-    """What the blur of all of a camera says, or that of a fair sample of its tracks."""
+    """Verdict of the blur of all of a camera, or of a fair sample of its tracks."""
 
     contradicted: Diagnostic | None = None
     floor: tuple[SweepFloor, ...] | None = None  # by sweeps, a round of the fit each
@@ -44,7 +44,7 @@ class CameraBlur:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What pass 1 measured, one row an observation: arrays of length n, NaN is unknown.
+    """Measurements of pass 1, one row an observation: arrays of length n, NaN is unknown.
 
     Tracks are whole. They need not be all of the camera: the boxes of the others are in `others` then.
     """
@@ -77,12 +77,12 @@ class Measured:
 
     @property
     def width_cut(self) -> BoolArray:
-        """Whether the picture cuts off the left or the right side, (n,)."""
+        """True for a box whose left or right side the picture cuts off, (n,)."""
         return np.asarray(self.truncated[:, 0] | self.truncated[:, 2])
 
     @property
     def height_cut(self) -> BoolArray:
-        """Whether the picture cuts off the head or the feet, (n,)."""
+        """True for a box whose upper or lower end the picture cuts off, (n,)."""
         return np.asarray(self.truncated[:, 1] | self.truncated[:, 3])
 
     def take(self, rows: BoolArray) -> Measured:
@@ -106,7 +106,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimated:
-    """What a method gives, one row an observation, (n,) each, NaN where it does not apply.
+    """Estimates of a method, one row an observation, (n,) each, NaN where it does not apply.
 
     It is never changed: each step makes a new one (`dataclasses.replace`).
 

@@ -99,11 +99,6 @@ _DEMOSAIC = {
 }
 
 
-def is_read(encoding: str) -> bool:
-    """Return whether pictures of this encoding can be decoded."""
-    return encoding.lower() in _FORMATS
-
-
 def has_wide_samples(encoding: str) -> bool:
     """Return whether a sample is 16 bits, of which a camera may use fewer."""
     found = _FORMATS.get(encoding.lower())

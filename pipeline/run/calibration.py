@@ -22,7 +22,7 @@ from pipeline.calibrate.truth.fit import (
     size_priors_from_truth,
 )
 from pipeline.calibrate.truth.table import truth_table
-from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, Known
+from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, KnownLengths
 from pipeline.calibrate.walkers.pose_and_lens import Calibrated, calibrate_stored
 from pipeline.core.calibration import CalibratedMethod, Calibration
 from pipeline.core.camera_file import write_camera_file
@@ -123,7 +123,7 @@ class Found:
 
 
 def calibrate_stored_walkers(
-    database: Path, camera_file: Path, config: Config, known: Known = NOTHING_KNOWN
+    database: Path, camera_file: Path, config: Config, known: KnownLengths = NOTHING_KNOWN
 ) -> list[tuple[str, Found | CalibrationUndetermined]]:
     """Find the pose of every camera from who walked before it, all its recordings taken together.
 
@@ -195,7 +195,7 @@ def calibrate_stored_blur(
     return [*floors.items(), *((n, e) for n, e in refused.items() if n not in floors)]
 
 
-def _check_single(known: Known, count: int) -> None:
+def _check_single(known: KnownLengths, count: int) -> None:
     if known and count > 1:
         raise UsageError(
             "a known height or distance belongs to one camera of one recording",
@@ -239,7 +239,7 @@ def _relative(found: Found) -> float:
 
 
 def _of_recording(
-    store: Store, recording_id: str, config: Config, known: Known
+    store: Store, recording_id: str, config: Config, known: KnownLengths
 ) -> Iterator[tuple[str, Found | CalibrationUndetermined]]:
     """Yield what walkers gave of each camera of a recording that saw anything."""
     edges = store.read("background_lines", recording_id)
@@ -262,7 +262,7 @@ def _of_recording(
             yield name, _found(made, name, lens)
 
 
-def _people(camera: StoredCamera, tracks: pa.Table, known: Known) -> Measured:
+def _people(camera: StoredCamera, tracks: pa.Table, known: KnownLengths) -> Measured:
     measured = camera.people(tracks, [person.track_id for person in known.heights])
     if measured is None:
         raise CalibrationUndetermined(

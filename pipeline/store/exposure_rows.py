@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pyarrow as pa
 
+from pipeline.core.robust import MAD_TO_STD
 from pipeline.store.database import Store
 
 STRETCH = 50_000  # frames: half an hour
@@ -69,7 +70,7 @@ def _scatter(store: Store, stretches: list[dict[str, object]]) -> float | None:
         for values in stretches
     ]
     known = np.abs(np.concatenate([part.to_numpy() for part in departures]))
-    return float(1.4826 * np.median(known)) if len(known) else None
+    return float(MAD_TO_STD * np.median(known)) if len(known) else None
 
 
 def _summed(found: list[pa.Table]) -> pa.Table:

@@ -165,7 +165,7 @@ def prior_as_calibration(prior: SizePrior) -> Calibration:
 
 
 def says_nothing(calibration: Calibration, table: pa.Table) -> bool:
-    """Whether a calibration predicts left-out depths no better than their mean does.
+    """Return whether a calibration predicts left-out depths no better than their mean does.
 
     Args:
         calibration: as it was fitted to `table`.

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.core.arrays import FloatArray, IntArray
+from pipeline.core.robust import MAD_TO_STD
 
 Rows = npt.NDArray[np.bool_]
 # Fits to a mask of rows, and gives what predicts a mask of rows.
@@ -16,7 +17,6 @@ Fitter = Callable[[Rows], Callable[[Rows], FloatArray]]
 
 # Tukey's bisquare: 95 % efficient for normal errors, no weight beyond 4.685 scales.
 BISQUARE = 4.685
-MAD_TO_STD = 1.4826
 _ITERATIONS = 200
 _CONVERGED = 1e-12
 

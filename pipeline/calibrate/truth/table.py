@@ -1,4 +1,4 @@
-"""What `calibrate_from_truth` takes, from the tables of a stored recording."""
+"""Input of `calibrate_from_truth`, from the tables of a stored recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How sure a fit to walkers is.
+"""Covariance of a fit to walkers.
 
 Boxes of one track err together: where somebody stands before a dark wall they are all too short, and how
 long that lasts differs by camera and detector. So the errors are not taken as stated. The fit is asked
@@ -24,6 +24,7 @@ from scipy.optimize import OptimizeResult
 from pipeline.calibrate.walkers.bordered_solver import Bordered, by_person, inverse_of, robust_pull
 from pipeline.calibrate.walkers.model import ABOVE, PEOPLE, ROLL, TILT, Sample, Scale, residuals
 from pipeline.core.arrays import FloatArray
+from pipeline.core.robust import MAD_TO_STD
 from pipeline.estimate.boxes.error_correlation import BOX_COMMON_STD
 
 # Residuals do not show what a track's boxes have in common, so for the variance that follows from the
@@ -110,7 +111,7 @@ def _common(fit: OptimizeResult, sample: Sample, scale: Scale) -> FloatArray:
     """Return what all tracks may have in common, as residuals, a column each."""
     tall = sample.foot[:, 1] - sample.head[:, 1]
     per_share = tall / sample.sigma * np.sqrt(sample.weight)
-    scatter = 1.4826 * float(np.nanmedian(np.abs(fit.fun[: len(tall)] / per_share)))
+    scatter = MAD_TO_STD * float(np.nanmedian(np.abs(fit.fun[: len(tall)] / per_share)))
     excess = np.sqrt(max(scatter**2 - GAIT_SCATTER**2, LEAST_EXCESS**2))
     shares = [
         np.full(len(tall), np.hypot(BOX_COMMON_STD, ALL_PER_EXCESS * excess)),

@@ -22,7 +22,12 @@ from scipy.sparse import csr_matrix, hstack, vstack
 
 from pipeline.calibrate.walkers.bordered_solver import ROBUST, settle
 from pipeline.calibrate.walkers.covariance import covariance_of
-from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, Known, check_known, scale_of
+from pipeline.calibrate.walkers.known_lengths import (
+    NOTHING_KNOWN,
+    KnownLengths,
+    check_known,
+    scale_of,
+)
 from pipeline.calibrate.walkers.model import (
     ABOVE,
     MEAN,
@@ -82,7 +87,7 @@ def calibrate_lens_from_walkers(
     measured: Measured,
     size_px: tuple[int, int],
     prior: SizePrior,
-    known: Known = NOTHING_KNOWN,
+    known: KnownLengths = NOTHING_KNOWN,
     lines_px: FloatArray | None = None,
 ) -> tuple[FoundLens, GroundPlane, WalkersReport]:
     """Return lens and pose of a camera without lens data; the pose has a `focal_covariance`.
@@ -254,7 +259,7 @@ def free_focal(fit: OptimizeResult, sample: Sample, scale: Scale, pace: Pace) ->
 def _fit_alike(
     sample: Sample,
     prior: SizePrior,
-    known: Known,
+    known: KnownLengths,
     measured: Measured,
     uprights: Uprights,
     starts: list[float],

@@ -1,4 +1,4 @@
-"""What is known of a scene in metres, beside the people who walk there: the scale of a pose."""
+"""Known lengths of a scene in metres, beside the people who walk there: the scale of a pose."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class KnownHeight:
 
 @dataclass(frozen=True, slots=True)
 class KnownDistance:
-    """How far apart two points on the ground are, each given by its pixel."""
+    """Distance of two points on the ground, each given by its pixel."""
 
     points_px: FloatArray  # (2, 2)
     distance_m: float
@@ -39,8 +39,8 @@ class KnownDistance:
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
-    """What is known of a scene in metres; each overrides the stature of the population."""
+class KnownLengths:
+    """Known lengths of a scene in metres; each overrides the stature of the population."""
 
     heights: tuple[KnownHeight, ...] = ()
     distances: tuple[KnownDistance, ...] = ()
@@ -49,10 +49,10 @@ class Known:
         return bool(self.heights or self.distances)
 
 
-NOTHING_KNOWN = Known()
+NOTHING_KNOWN = KnownLengths()
 
 
-def check_known(known: Known, measured: Measured) -> None:
+def check_known(known: KnownLengths, measured: Measured) -> None:
     """Refuse what is known if it makes no sense."""
     for person in known.heights:
         if not (measured.track_id == person.track_id).any():
@@ -65,7 +65,7 @@ def check_known(known: Known, measured: Measured) -> None:
 
 
 def scale_of(
-    sample: Sample, prior: SizePrior, known: Known, measured: Measured, uprights: Uprights
+    sample: Sample, prior: SizePrior, known: KnownLengths, measured: Measured, uprights: Uprights
 ) -> Scale:
     """Return what is known beside the tracks."""
     walking_m = prior.mean_m - GAIT_DROP_M

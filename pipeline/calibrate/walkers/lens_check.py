@@ -1,4 +1,4 @@
-"""Whether the people who walk contradict a lens that is known.
+"""Test of a known lens against the people who walk.
 
 The fit of a pose is done once more with the focal length unknown (`calibrate.focal`), from the known one.
 People tell it to 10-35 % only, so this finds a calibration of another zoom, lens or crop, not a
@@ -43,7 +43,7 @@ _REMEDY = {
 
 @dataclass(frozen=True, slots=True)
 class LensCheck:
-    """What the people say of a focal length."""
+    """Verdict of the people on a focal length."""
 
     known_px: float
     log_ratio: float  # of theirs over the known one
@@ -52,7 +52,7 @@ class LensCheck:
 
     @property
     def contradicts(self) -> bool:
-        """Whether it is beyond chance."""
+        """True if it is beyond chance."""
         return abs(self.log_ratio) > CONTRADICTION * self.std
 
     def widened(self, plane: GroundPlane) -> GroundPlane:

@@ -1,4 +1,4 @@
-"""What the fit of a pose to walkers compares, and how that changes with what is unknown.
+"""Residuals of the fit of a pose to walkers, and their derivatives by the unknowns.
 
 The residuals: the rows of the heads beside those that feet, heights and pose give; statures beside
 what is expected of them; what is known of the lens, the place and its distances. Statures are compared
@@ -68,13 +68,13 @@ class Sample:
 
     @property
     def people(self) -> int:
-        """How many there are."""
+        """Number of them."""
         return len(self.track_id)
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What is known beside the tracks: statures as they are expected, distances, upright edges."""
+    """Knowledge beside the tracks: statures as they are expected, distances, upright edges."""
 
     mean_m: FloatArray  # (p,)
     std_m: FloatArray  # (p,)
@@ -88,7 +88,7 @@ class Scale:
 
     @property
     def side_std(self) -> float:
-        """How far boxes may differ from side to side; fixed where no edge tells it from roll."""
+        """Deviation of boxes from side to side; fixed where no edge tells it from roll."""
         return SIDE_STD if len(self.uprights) else SIDE_STD / 100
 
     @property

@@ -1,4 +1,4 @@
-"""How fast people walk: as fast away from a camera as across its picture.
+"""Pace of people, who walk as fast away from a camera as across its picture.
 
 A focal length that is too long by a share makes ways along the axis too long by that share and leaves
 those across as they are. Nobody's speed is known, and no mean of all is assumed; people's speeds differ,

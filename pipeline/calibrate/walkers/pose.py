@@ -23,7 +23,12 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from pipeline.calibrate.walkers.bordered_solver import ROBUST
 from pipeline.calibrate.walkers.covariance import covariance_of
-from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, Known, check_known, scale_of
+from pipeline.calibrate.walkers.known_lengths import (
+    NOTHING_KNOWN,
+    KnownLengths,
+    check_known,
+    scale_of,
+)
 from pipeline.calibrate.walkers.model import (
     PEOPLE,
     REACH,
@@ -39,6 +44,7 @@ from pipeline.core.arrays import FloatArray
 from pipeline.core.config import SizePrior
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.core.records import GroundPlane
+from pipeline.core.robust import MAD_TO_STD
 from pipeline.estimate.types import Measured
 from pipeline.optics.ground_plane import foot_depth_m, height_m, remove_roll
 from pipeline.optics.silhouette import per_stature
@@ -59,7 +65,7 @@ TILTS_RAD = np.deg2rad([2.0, 8.0, 15.0, 25.0, 35.0, 50.0])
 
 @dataclass(frozen=True, slots=True)
 class WalkersReport:
-    """How well the people determined the pose."""
+    """Evidence of the people for a pose."""
 
     people: int
     observations: int
@@ -96,7 +102,7 @@ class Fitted:
 def calibrate_from_walkers(
     measured: Measured,
     prior: SizePrior,
-    known: Known = NOTHING_KNOWN,
+    known: KnownLengths = NOTHING_KNOWN,
     lines_px: FloatArray | None = None,
 ) -> tuple[GroundPlane, WalkersReport]:
     """Return the pose of the camera with its covariance, and how well it is determined.
@@ -117,7 +123,7 @@ def calibrate_from_walkers(
 def fit_walkers(
     measured: Measured,
     prior: SizePrior,
-    known: Known = NOTHING_KNOWN,
+    known: KnownLengths = NOTHING_KNOWN,
     lines_px: FloatArray | None = None,
 ) -> Fitted:
     """Return the fit of `calibrate_from_walkers`, however well it is determined."""
@@ -161,7 +167,7 @@ def check_determined(plane: GroundPlane) -> None:
 def _fit_alike(
     sample: Sample,
     prior: SizePrior,
-    known: Known,
+    known: KnownLengths,
     measured: Measured,
     before: OptimizeResult | None = None,
     uprights: Uprights = NO_UPRIGHTS,
@@ -274,7 +280,7 @@ def report_of(
     return WalkersReport(
         people=sample.people,
         observations=len(sample.track),
-        residual_px=float(1.4826 * np.nanmedian(np.abs(error)) * focal_px),
+        residual_px=float(MAD_TO_STD * np.nanmedian(np.abs(error)) * focal_px),
         depth_ratio=float(np.nanmax(depth_m) / np.nanmin(depth_m)),
         camera_height_std_m=float(std[0]),
         tilt_std_rad=float(std[1]),

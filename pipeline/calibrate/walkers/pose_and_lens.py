@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pipeline.calibrate.walkers.focal_length import calibrate_lens_from_walkers
-from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, Known
+from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, KnownLengths
 from pipeline.calibrate.walkers.lens_check import DOUBTFUL, LensCheck, check_lens
 from pipeline.calibrate.walkers.pose import WalkersReport, fit_walkers
 from pipeline.core.arrays import FloatArray
@@ -17,7 +17,7 @@ from pipeline.estimate.types import Measured
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
-    """What walkers gave of a camera."""
+    """Pose and lens of a camera by its walkers."""
 
     plane: GroundPlane
     report: WalkersReport
@@ -29,7 +29,7 @@ def calibrate_stored(
     measured: Measured,
     row: CameraRow,
     prior: SizePrior,
-    known: Known = NOTHING_KNOWN,
+    known: KnownLengths = NOTHING_KNOWN,
     lines_px: FloatArray | None = None,
 ) -> Calibrated:
     """Return the pose of a stored camera and, if nothing tells it, the lens.

@@ -1,4 +1,4 @@
-"""Which observations of which tracks a pose is learned from: whole, unhidden people, spread over time."""
+"""Choice of the observations that a pose is learned from: whole, unhidden people, spread over time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pipeline.calibrate.walkers.known_lengths import Known
+from pipeline.calibrate.walkers.known_lengths import KnownLengths
 from pipeline.calibrate.walkers.model import Sample
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import SizePrior
@@ -40,7 +40,7 @@ _NOBODY = np.empty(0, dtype=np.int64)
 
 
 def chosen_tracks(
-    measured: Measured, prior: SizePrior, known: Known
+    measured: Measured, prior: SizePrior, known: KnownLengths
 ) -> tuple[Measured, npt.NDArray[np.int64]]:
     """Return the tracks to learn from, spread over the recording, and what is in their frames."""
     ids, first, count = np.unique(

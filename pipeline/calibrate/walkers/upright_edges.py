@@ -1,4 +1,4 @@
-"""Which of the straight edges of a place are vertical, and what they say of tilt and roll.
+"""Straight edges of a place that are vertical, and the tilt and roll that they tell.
 
 A vertical edge is seen along the line through the vanishing point of the vertical: with gravity
 g = (sin r cos t, cos r cos t, sin t) in the camera's axes, at a point (x, y) of the picture along

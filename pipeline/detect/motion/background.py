@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from pipeline.core.robust import MAD_TO_STD
 from pipeline.images.decode import Image
 
 FloatImage = npt.NDArray[np.float32]
@@ -28,8 +29,6 @@ SPREADS = 4.5
 # What changes slowly (reflections, the sky's light, what a codec renews now and then) does so by no more:
 # clothes differ more from the ground.
 SLOW_DIFFERENCE = 30.0
-# 1.4826 turns a median absolute deviation into a standard deviation (normal distribution).
-MAD_TO_STD = 1.4826
 FOLLOW_S = 10.0  # time constant where the background shows
 ABSORB_S = 90.0  # time constant where something stands before it
 _AROUND = np.ones((5, 5), np.uint8)

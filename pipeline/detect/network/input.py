@@ -1,7 +1,7 @@
 """Input of a network from a picture, and boxes brought back into the picture.
 
 Networks count positions in pixels from the outer edge of the first one; stored pixels have the
-centre of the first one at 0 (DESIGN, section 2). Scaling keeps edges on edges, so
+centre of the first one at 0. Scaling keeps edges on edges, so
 
     network = (stored + 0.5) * scale + pad
 """

@@ -1,4 +1,4 @@
-"""How long the errors of boxes last, and so how many observations of a track are independent."""
+"""Time for which the errors of boxes last, and so the number of independent observations of a track."""
 
 from __future__ import annotations
 

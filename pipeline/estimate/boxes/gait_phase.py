@@ -1,4 +1,4 @@
-"""Where in its stride a walker is, as far as the width of the box tells.
+"""Phase of a walker's stride, as far as the width of the box tells it.
 
 From the side, legs open and close once a step, and the box with them. The share of the width in the
 height is fitted with a sinusoid in windows of a few seconds, at the frequencies at which people step;

@@ -64,12 +64,12 @@ class Geometry:
 
     @property
     def reach(self) -> FloatArray | None:
-        """How far lower ends are before the axes of bodies, in shares of their height, (n,)."""
+        """Distance of lower ends before the axes of bodies, in shares of their height, (n,)."""
         return self.ends.reach
 
     @property
     def reach_m(self) -> FloatArray:
-        """What the reach makes of the depth, in metres for each unit of it, (n,); 0 for a line."""
+        """Depth that the reach makes, in metres for each unit of it, (n,); 0 for a line."""
         return self.ends.reach_m
 
     @property
@@ -152,7 +152,7 @@ class Geometry:
 
     @property
     def foot(self) -> FloatArray:
-        """Where the object stands, (n, 2), the camera's roll removed."""
+        """Lower end of the object, where it stands, (n, 2), the camera's roll removed."""
         return self.ends.both[0]
 
     @property

@@ -1,4 +1,4 @@
-"""Which boxes of a track do not go with the rest of it, by the picture alone.
+"""Boxes of a track that do not go with the rest of it, by the picture alone.
 
 On flat ground the height of one person's box follows the row of their head: h = a + b y_h, to first
 order, whatever the camera's pose. Where the feet are hidden the box is shorter than that; where somebody

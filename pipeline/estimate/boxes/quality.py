@@ -1,4 +1,4 @@
-"""How far an observation can be trusted: what hides it, what cuts it, and what it cannot be.
+"""Quality of observations: what hides them, what cuts them, and what they cannot be.
 
 Nothing is dropped. A bad end of a box gets a wider standard deviation, so that every method weighs it
 less, and the reason is kept as a flag. Two looks, each over all observations of a camera at once:
@@ -25,6 +25,7 @@ from pipeline.core.tables import OBSERVATION_QUALITY
 from pipeline.estimate.boxes.error_correlation import independent_share
 from pipeline.estimate.boxes.gait_phase import stride_phase_rad
 from pipeline.estimate.boxes.outliers import height_off_px
+from pipeline.estimate.by_track import median_by
 from pipeline.estimate.gait import GAIT_STD_M, WALKER
 from pipeline.estimate.types import BoolArray, Measured
 
@@ -52,7 +53,7 @@ CLEAR_OCCLUSION = 0.05  # of a box, by other boxes
 
 @dataclass(frozen=True, slots=True)
 class Quality:
-    """How good each observation is, (n,) each.
+    """Quality of each observation, (n,) each.
 
     `quality` is the weight that the worse end of the box has, beside that of the same box with nothing
     wrong: 1 for that, 0 where an end is cut off.
@@ -68,7 +69,7 @@ class Quality:
 
     @property
     def ends_visible(self) -> BoolArray:
-        """Where head and feet are seen, and are of one and the same."""
+        """True for a box whose head and feet are seen, and are of one and the same, (n,)."""
         return np.asarray(self.contact_visible & self.head_visible & self.alone)
 
     def applied(self, measured: Measured) -> Measured:
@@ -95,12 +96,12 @@ class AgainstTrack:
 
     @property
     def hidden(self) -> BoolArray:
-        """Where the feet are hidden."""
+        """True for a box whose feet are hidden, (n,)."""
         return np.asarray(self.off < HIDDEN)
 
     @property
     def crowded(self) -> BoolArray:
-        """Where somebody else is in the box."""
+        """True for a box that holds somebody else, (n,)."""
         return np.asarray(self.off > NOT_ALONE)
 
 
@@ -164,8 +165,7 @@ def against_track(
         middle_m = by_track.transform("median").to_numpy(dtype=np.float64)
         with np.errstate(invalid="ignore"):
             off = np.nan_to_num((height_m - middle_m) / noise_m)
-    apart = pd.Series(np.abs(chosen.to_numpy() - middle_m)).groupby(m.track_id)
-    spread_m = MAD_TO_STD * apart.transform("median").to_numpy(dtype=np.float64)
+    spread_m = MAD_TO_STD * median_by(m.track_id, np.abs(chosen.to_numpy() - middle_m))
     independent = np.maximum(count * independent_share(m, correlation_s), 1.0)
     std_m = np.sqrt(MEDIAN_EFFICIENCY) * np.maximum(spread_m, GAIT_STD_M) / np.sqrt(independent)
     middle_m = np.where(count >= MIN_WHOLE, middle_m, np.nan)
@@ -243,7 +243,7 @@ def _odd_aspect(m: Measured, whole: BoolArray) -> FloatArray:
     known = whole & (width_px > 0) & (tall_px > 0)
     aspect = np.full(len(m), np.nan)
     aspect[known] = np.log(tall_px[known] / width_px[known])
-    usual = pd.Series(aspect).groupby(m.track_id).transform("median").to_numpy(dtype=np.float64)
+    usual = median_by(m.track_id, aspect)
     low, high = np.log(PERSON_ASPECT)
     person = m.class_name == WALKER
     with np.errstate(invalid="ignore"):

@@ -1,14 +1,17 @@
-"""How far before a person's axis their silhouette ends: by the way they walk (`optics.silhouette`)."""
+"""Distance from a person's axis to the lower end of the silhouette, by the way they walk.
+
+Formulas: `optics.silhouette`.
+"""
 
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 
 from pipeline.core.arrays import FloatArray
 from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.error_correlation import independent_share
 from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.by_track import median_by
 from pipeline.estimate.fusion.smoother import smooth_tracks
 from pipeline.estimate.gait import WALKER
 from pipeline.estimate.types import Measured
@@ -69,7 +72,7 @@ def _velocity(geometry: Geometry, plane: GroundPlane) -> tuple[FloatArray, Float
     seen = np.column_stack([x_m, y_m])
     # Whose feet are hidden seems far away and short: that is no way they went.
     tall_m = height_m(depth_m, foot[:, 1], geometry.head[:, 1], plane.tilt_rad)
-    usual_m = pd.Series(tall_m).groupby(m.track_id).transform("median").to_numpy()
+    usual_m = median_by(m.track_id, tall_m)
     odd = np.abs(tall_m / usual_m - 1) > ODD_HEIGHT
     seen[m.truncated[:, 3] | odd] = np.nan
     time_s = (m.capture_time_ns - m.capture_time_ns.min(initial=0)) / 1e9

@@ -1,4 +1,4 @@
-"""How good the boxes of a track are, by how its own height scatters.
+"""Quality of the boxes of a track, by the scatter of its own height.
 
 Somebody who walks over flat ground is as tall in one frame as in the next, so what a track's heights
 by the ground scatter is what its boxes are off, and the gait. That tells two things of the boxes which
@@ -43,7 +43,7 @@ SHORTEST_S = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Scatter:
-    """What the scatter of its track says of each observation, (n,) each."""
+    """Verdict on each observation by the scatter of its track, (n,) each."""
 
     ratio: FloatArray  # of the variance of the box's ends to what it was stated to be
     correlation_s: FloatArray  # time after which errors are independent

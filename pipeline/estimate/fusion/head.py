@@ -13,9 +13,10 @@ import numpy as np
 
 from pipeline.core.arrays import FloatArray
 from pipeline.core.records import GroundPlane
-from pipeline.core.robust import finite, median_by
+from pipeline.core.robust import finite
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import AgainstTrack
+from pipeline.estimate.by_track import median_by
 from pipeline.estimate.fusion.kalman import ACCELERATION_DENSITY, SPEED_STD_M_S
 from pipeline.estimate.gait import GAIT_STD_M
 from pipeline.estimate.types import BoolArray, Estimated, Measured

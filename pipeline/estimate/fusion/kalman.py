@@ -25,7 +25,7 @@ LEAST_S = 1e-6  # between two observations
 
 
 class Posterior(NamedTuple):
-    """What is known of each row by all of its track."""
+    """Posterior of each row by all of its track."""
 
     position_m: FloatArray  # (n, 2)
     velocity_m_s: FloatArray  # (n, 2)
@@ -75,7 +75,7 @@ class Steps:
 
     @property
     def earlier(self) -> IntArray:
-        """Where the tracks of `later` were a step before, (n,)."""
+        """Rows of the tracks of `later` one step before, (n,)."""
         return self._followed(np.arange(self.edges[-1]))
 
     def _followed(self, rows: IntArray) -> IntArray:

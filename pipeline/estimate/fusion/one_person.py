@@ -1,4 +1,4 @@
-"""How far a track can be believed to be of one person, and all of it: by how tall it seems.
+"""Doubt that a track is of one person, and all of it, by the height that it seems to have.
 
 A box may hold half of somebody, or two, all along a track; nothing in it scatters then. But few people
 are 1.3 m tall, or 2 m. So a height is taken for one of two things: that of somebody from the population,
@@ -18,9 +18,9 @@ from scipy.special import ndtr
 from pipeline.core.arrays import FloatArray
 from pipeline.core.calibration import Dimension
 from pipeline.core.config import SizePrior
-from pipeline.core.robust import median_by
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import AgainstTrack
+from pipeline.estimate.by_track import median_by
 from pipeline.estimate.gait import GAIT_DROP_M
 from pipeline.estimate.types import Estimated
 

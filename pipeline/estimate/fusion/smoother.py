@@ -22,7 +22,7 @@ BATCH = 100_000  # observations that are worked on at once
 
 @dataclass(frozen=True, slots=True)
 class Smoothed:
-    """What is known of each observation after all of its track was seen."""
+    """Position and velocity of each observation, by all of its track."""
 
     position_m: FloatArray  # (n, 2)
     velocity_m_s: FloatArray  # (n, 2)

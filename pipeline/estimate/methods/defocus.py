@@ -46,7 +46,7 @@ CONTRADICTION, CONTRADICTED_SHARE, CONTRADICTED_LEAST = 4.0, 0.5, 5
 
 @dataclass(frozen=True, slots=True)
 class Vergence:
-    """How far from the plane of focus, u = |1/s - 1/d| in 1/m, (n,) each; NaN where not resolved."""
+    """Distance from the plane of focus, u = |1/s - 1/d| in 1/m, (n,) each; NaN where not resolved."""
 
     u: FloatArray
     noise: FloatArray  # standard deviation, of the frame's own blur

@@ -1,4 +1,4 @@
-"""Which side of the plane of focus an object is on: blur alone does not tell.
+"""Choice of the side of the plane of focus that an object is on: blur alone does not tell it.
 
 A track keeps its side until its blur vanishes or the focus changes: such a stretch has one side. It is
 found, in this order, by: blur that is wider than anything behind the plane of focus could have; the depth

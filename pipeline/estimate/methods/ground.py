@@ -1,4 +1,8 @@
-"""Depth and height from where an object stands on the ground (DESIGN, section 2)."""
+"""Depth and height from where an object stands on the ground (`optics.ground_plane`).
+
+The foot's ray meets the ground at Z = h / (y_f cos t + sin t) along the axis, h above it and tilted by t;
+the head above it is H = Z (y_f - y_h) / (cos t - y_h sin t) high.
+"""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def _in_range(
 def with_heights(estimated: Estimated, geometry: Geometry) -> Estimated:
     """Return estimates with heights at their depths, and standard deviations to first order.
 
-    With the pose, of a vertical object standing on the ground (DESIGN, section 2). Else H = o d / v
+    With the pose, of a vertical object standing on the ground (`optics.ground_plane`). Else H = o d / v
     (Eq. 11), upright before a level camera as in the paper: v from the focus distance where that is
     finite; else the lens is taken to be focused on the object, m = f / (d - f). Without a focal
     length the one in pixels stands for v / p.

@@ -25,7 +25,7 @@ from pipeline.estimate.methods.scaling import (
 from pipeline.estimate.types import BoolArray, Estimated
 from pipeline.optics.object_size import depth_from_size_m, depth_from_size_std_m
 
-# A camera of unknown pose that watches people is level or looks down on them; DESIGN's surveillance
+# A camera of unknown pose that watches people is level or looks down on them; surveillance
 # cameras are tilted by 5-45 degrees, hand-held and tripod ones by little. Uniform over this range.
 UNKNOWN_TILT_RAD = (0.0, math.radians(30.0))
 

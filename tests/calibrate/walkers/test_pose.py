@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.walkers import Scene, scene, score
-from pipeline.calibrate.walkers.known_lengths import Known, KnownDistance, KnownHeight
+from pipeline.calibrate.walkers.known_lengths import KnownDistance, KnownHeight, KnownLengths
 from pipeline.calibrate.walkers.pose import MIN_PEOPLE, calibrate_from_walkers
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import ADULT, POPULATION_MEAN_STD_M
@@ -75,7 +75,7 @@ def test_a_population_of_another_stature_scales_the_scene() -> None:
     assert other.tilt_rad == pytest.approx(usual.tilt_rad, abs=0.003)
 
 
-def scale_errors(known_of: Callable[[Scene], Known]) -> tuple[FloatArray, FloatArray]:
+def scale_errors(known_of: Callable[[Scene], KnownLengths]) -> tuple[FloatArray, FloatArray]:
     """Return errors of the scale and their standard errors, both relative, of some cameras.
 
     The scale is that of the depths where people walk; the height of the camera also depends on how
@@ -103,7 +103,7 @@ def _feet(simulated: Scene, plane: GroundPlane) -> tuple[FloatArray, FloatArray]
 
 
 def test_the_population_alone_leaves_the_scale_unsure() -> None:
-    error, std = scale_errors(lambda simulated: Known())
+    error, std = scale_errors(lambda simulated: KnownLengths())
     assert (np.abs(error) > 0.1).all()
     assert np.median(std) > POPULATION_MEAN_STD_M / ADULT.mean_m
 
@@ -111,8 +111,8 @@ def test_the_population_alone_leaves_the_scale_unsure() -> None:
 def test_a_known_height_overrides_the_population() -> None:
     """Known to 1 cm, of two people, whose walk takes off 3 +- 1.7 cm, in boxes that are 1 % off."""
 
-    def of_two(simulated: Scene) -> Known:
-        return Known(
+    def of_two(simulated: Scene) -> KnownLengths:
+        return KnownLengths(
             heights=tuple(KnownHeight(i, float(simulated.true_height_m[i])) for i in (2, 7))
         )
 
@@ -125,7 +125,7 @@ def test_a_known_height_overrides_the_population() -> None:
 def test_a_known_distance_overrides_the_population() -> None:
     """Of 2 m to 1 cm, and to 0.2 px where somebody marked its ends."""
 
-    def across(simulated: Scene) -> Known:
+    def across(simulated: Scene) -> KnownLengths:
         truth, lens = simulated.plane, simulated.measured.intrinsics
         assert lens is not None
         ahead_m = float(np.median(simulated.true_depth_m))
@@ -133,7 +133,7 @@ def test_a_known_distance_overrides_the_population() -> None:
         pose = (truth.camera_height_m, truth.tilt_rad, truth.roll_rad)
         foot, _ = project_person(points_m[:, 0], points_m[:, 1], np.ones(2), *pose)
         points_px = foot * lens.fx_px + [lens.cx_px, lens.cy_px]
-        return Known(distances=(KnownDistance(points_px, 2.0, 0.01, std_px=0.2),))
+        return KnownLengths(distances=(KnownDistance(points_px, 2.0, 0.01, std_px=0.2),))
 
     error, std = scale_errors(across)
     assert (np.abs(error) < 3 * std).all()
@@ -143,13 +143,13 @@ def test_a_known_distance_overrides_the_population() -> None:
 @pytest.mark.parametrize(
     "known",
     [
-        Known(heights=(KnownHeight(999, 1.8),)),
-        Known(heights=(KnownHeight(0, 18.0),)),
-        Known(distances=(KnownDistance(np.array([[10.0, 10.0], [90.0, 10.0]]), -1.0),)),
-        Known(distances=(KnownDistance(np.array([[10.0, 10.0], [10.0, 10.0]]), 1.0),)),
+        KnownLengths(heights=(KnownHeight(999, 1.8),)),
+        KnownLengths(heights=(KnownHeight(0, 18.0),)),
+        KnownLengths(distances=(KnownDistance(np.array([[10.0, 10.0], [90.0, 10.0]]), -1.0),)),
+        KnownLengths(distances=(KnownDistance(np.array([[10.0, 10.0], [10.0, 10.0]]), 1.0),)),
     ],
 )
-def test_what_cannot_be_known_is_refused(known: Known) -> None:
+def test_what_cannot_be_known_is_refused(known: KnownLengths) -> None:
     with pytest.raises(UsageError):
         calibrate_from_walkers(scene(np.random.default_rng(8), 8).measured, ADULT, known)
 
