@@ -46,6 +46,13 @@ class CameraRow:
         return (self.width_px, self.height_px) if self.width_px and self.height_px else None
 
     @property
+    def pose(self) -> tuple[float, float, float] | None:
+        """Height in metres, tilt and roll in radians; None if the pose is unknown."""
+        if self.camera_height_m is None or self.tilt_rad is None or self.roll_rad is None:
+            return None
+        return self.camera_height_m, self.tilt_rad, self.roll_rad
+
+    @property
     def intrinsics(self) -> Intrinsics | None:
         """The pinhole camera of the pictures; None if no lens is known."""
         if (

@@ -8,8 +8,7 @@ recording. Where the pose is unknown, they are in the camera's own frame at thei
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from foxglove_schemas_protobuf.Color_pb2 import Color
@@ -25,6 +24,7 @@ from foxglove_schemas_protobuf.TextPrimitive_pb2 import TextPrimitive
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from scipy.spatial.transform import Rotation
 
+from pipeline.core.camera_row import CameraRow
 from pipeline.export.results import FrameResult, Row
 from pipeline.mcap_file.writer import timestamp
 from schemas.stadimeter_pb2 import Estimate, Estimates
@@ -59,21 +59,19 @@ _COLOURS = (
 class CameraScene:
     """The messages of one camera, and the objects that are shown, to take them away again."""
 
-    def __init__(self, camera: Mapping[str, Any]) -> None:
-        self.name = str(camera["camera"])
-        self.frame_id = str(camera["frame_id"] or camera["camera"])
+    def __init__(self, camera: CameraRow) -> None:
+        self.name = camera.camera
+        self.frame_id = camera.frame_id or camera.camera
         self.ground_id = f"stadimeter/{self.name}/ground"
-        self._posed = camera["camera_height_m"] is not None
+        self._pose = camera.pose
         self._camera = camera
         self._shown: set[str] = set()
 
     def ground(self, time_ns: int) -> FrameTransform | None:
         """Return the transform to the ground below the camera; None if the pose is unknown."""
-        if not self._posed:
+        if self._pose is None:
             return None
-        height_m, tilt, roll = (
-            float(self._camera[n]) for n in ("camera_height_m", "tilt_rad", "roll_rad")
-        )
+        height_m, tilt, roll = self._pose
         # Gravity in the camera's frame: see pipeline.optics.ground_plane.
         down = np.array(
             [math.sin(roll) * math.cos(tilt), math.cos(roll) * math.cos(tilt), math.sin(tilt)]
@@ -137,11 +135,15 @@ class CameraScene:
             shown.add(name)
             height_m = row["height_m"] or _UNKNOWN_HEIGHT_M
             x, y, z = place
-            up = (0.0, 0.0, height_m / 2) if self._posed else (0.0, 0.0, 0.0)
-            size = (_WIDTH_M, _WIDTH_M, height_m) if self._posed else (_WIDTH_M, height_m, _WIDTH_M)
+            up = (0.0, 0.0, height_m / 2) if self._pose is not None else (0.0, 0.0, 0.0)
+            size = (
+                (_WIDTH_M, _WIDTH_M, height_m)
+                if self._pose is not None
+                else (_WIDTH_M, height_m, _WIDTH_M)
+            )
             message.entities.add(
                 timestamp=at,
-                frame_id=self.ground_id if self._posed else self.frame_id,
+                frame_id=self.ground_id if self._pose is not None else self.frame_id,
                 id=name,
                 cubes=[
                     CubePrimitive(
@@ -152,7 +154,9 @@ class CameraScene:
                 ],
                 texts=[
                     TextPrimitive(
-                        pose=_pose(x, y, z + (height_m + _TEXT_M if self._posed else 0.0)),
+                        pose=_pose(
+                            x, y, z + (height_m + _TEXT_M if self._pose is not None else 0.0)
+                        ),
                         billboard=True,
                         font_size=_TEXT_M,
                         color=Color(r=1, g=1, b=1, a=1),
@@ -167,16 +171,16 @@ class CameraScene:
 
     def _place(self, row: Row) -> tuple[float, float, float] | None:
         """Return the position of an object: on the ground, or in the camera's frame at its depth."""
-        if self._posed:
+        if self._pose is not None:
             if row["x_m"] is None or row["y_m"] is None:
                 return None
             return float(row["x_m"]), float(row["y_m"]), 0.0
-        depth_m, fx_px, fy_px = row["depth_m"], self._camera["fx_px"], self._camera["fy_px"]
-        if depth_m is None or not fx_px or not fy_px:
+        depth_m, lens = row["depth_m"], self._camera.intrinsics
+        if depth_m is None or lens is None:
             return None
-        x_px = (row["x_min_px"] + row["x_max_px"]) / 2 - self._camera["cx_px"]
-        y_px = (row["y_min_px"] + row["y_max_px"]) / 2 - self._camera["cy_px"]
-        return depth_m * x_px / fx_px, depth_m * y_px / fy_px, float(depth_m)
+        x_px = (row["x_min_px"] + row["x_max_px"]) / 2 - lens.cx_px
+        y_px = (row["y_min_px"] + row["y_max_px"]) / 2 - lens.cy_px
+        return depth_m * x_px / lens.fx_px, depth_m * y_px / lens.fy_px, float(depth_m)
 
 
 _EDGES = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")

@@ -13,6 +13,7 @@ from mcap.records import Attachment
 from mcap.writer import CompressionType, Writer
 
 from pipeline import __version__
+from pipeline.core.camera_row import camera_rows
 from pipeline.core.config import Limits
 from pipeline.core.diagnostics import Notes
 from pipeline.core.errors import StadimeterError, UsageError, Where
@@ -94,8 +95,8 @@ class _Export:
         self._report = report
         self._path = Path(row["file_name"])
         self._results = frame_results(store, row["recording_id"])
-        cameras = store.read("cameras", row["recording_id"]).to_pylist()
-        self._scenes = {camera["camera"]: CameraScene(camera) for camera in cameras}
+        cameras = camera_rows(store.read("cameras", row["recording_id"]))
+        self._scenes = {camera.camera: CameraScene(camera) for camera in cameras}
         self._writer = Writer(
             stream, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4, enable_data_crcs=True
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import duckdb
@@ -12,6 +13,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
+from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import CameraConfig, Config, Limits
 from pipeline.core.diagnostics import Notes
 from pipeline.core.errors import UsageError
@@ -134,8 +136,8 @@ def test_the_results_are_no_evidence_when_an_export_is_read(
 @pytest.mark.parametrize(("tilt_deg", "roll_deg"), [(0, 0), (35, 0), (20, 8), (-5, -12)])
 def test_the_ground_is_where_the_pose_says(tilt_deg: float, roll_deg: float) -> None:
     tilt, roll = np.radians([tilt_deg, roll_deg])
-    row = {"camera": "c", "frame_id": "optical", "camera_height_m": 3.0}
-    scene = CameraScene(row | {"tilt_rad": tilt, "roll_rad": roll})
+    pose = {"camera_height_m": 3.0, "tilt_rad": float(tilt), "roll_rad": float(roll)}
+    scene = CameraScene(replace(CameraRow("c", frame_id="optical"), **pose))
     message = scene.ground(10**18)
     assert message is not None
     (moved,) = frame_transform(tree_of(message)).payload
