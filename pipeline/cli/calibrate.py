@@ -16,10 +16,7 @@ from pipeline.core.errors import CalibrationUndetermined, StadimeterError, Usage
 T = TypeVar("T")
 
 if TYPE_CHECKING:
-    from pipeline.calibrate.blur_floor import BlurFloor
-    from pipeline.calibrate.walkers.known_lengths import KnownLengths
-    from pipeline.core.calibration import Calibration
-    from pipeline.run.calibration import FittedToTruth, Found
+    from stadimeter import BlurFloor, Calibration, FittedToTruth, Found
 
 
 def add(commands: Commands) -> None:
@@ -78,59 +75,61 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from pipeline.core.calibration import CalibratedMethod
-    from pipeline.core.config import load_config
-    from pipeline.run.calibration import (
-        TruthOptions,
-        calibrate_stored_blur,
-        calibrate_stored_truth,
-        calibrate_stored_walkers,
-    )
-    from pipeline.run.recordings import run
+    import stadimeter
 
-    if arguments.folds < 2:
-        raise UsageError("--folds must be at least 2")
-    known = _known(arguments)
-    if known and not arguments.walkers:
-        raise UsageError("--known-height and --known-distance belong to --walkers")
-    config = load_config(arguments.camera)
-    if arguments.recordings:
-        with progress_lines() as report:
-            result = run(arguments.recordings, arguments.db, config, report=report)
-        for outcome in result.failed:
-            raise outcome.error or StadimeterError(f"{outcome.path} could not be read")
     if arguments.walkers and arguments.blur:
         raise UsageError("--walkers and --blur are two calibrations: one after the other")
+    heights_m, distances_m = _known(arguments)
+    if (heights_m or distances_m) and not arguments.walkers:
+        raise UsageError("--known-height and --known-distance belong to --walkers")
+    camera, output = arguments.camera, arguments.output
+    if arguments.recordings:
+        with progress_lines() as progress:
+            result = stadimeter.measure(
+                arguments.recordings, arguments.db, camera=camera, strict=False, progress=progress
+            )
+        for outcome in result.failed:
+            raise outcome.error or StadimeterError(f"{outcome.path} could not be read")
     if arguments.blur:
-        found = print_blur_floors(calibrate_stored_blur(arguments.db, arguments.output, config))
+        floors = stadimeter.calibrate(arguments.db, output, by="blur", camera=camera)
+        found = print_blur_floors(floors)
     elif arguments.walkers:
-        poses = calibrate_stored_walkers(arguments.db, arguments.output, config, known)
+        poses = stadimeter.calibrate(
+            arguments.db,
+            output,
+            by="walkers",
+            camera=camera,
+            known_heights_m=heights_m,
+            known_distances_m=distances_m,
+        )
         found = print_poses(poses)
     else:
-        options = TruthOptions(
-            methods=[CalibratedMethod(m) for m in arguments.method or CalibratedMethod],
+        fitted = stadimeter.calibrate(
+            arguments.db,
+            output,
+            camera=camera,
+            methods=arguments.method,
             robust=arguments.robust,
             folds=arguments.folds,
             seed=arguments.seed,
-            exclude=frozenset(arguments.exclude),
+            exclude=arguments.exclude,
         )
-        fitted = calibrate_stored_truth(arguments.db, arguments.output, config, options)
         found = print_calibrations(fitted)
     if found:
-        out.print(f"camera file  {safe(arguments.output)}", soft_wrap=True)
+        out.print(f"camera file  {safe(output)}", soft_wrap=True)
     return DONE if found else FAILED
 
 
-def _known(arguments: argparse.Namespace) -> KnownLengths:
-    import numpy as np
-
-    from pipeline.calibrate.walkers.known_lengths import KnownDistance, KnownHeight, KnownLengths
-
-    heights, distances = [], []
+def _known(
+    arguments: argparse.Namespace,
+) -> tuple[dict[int, float], dict[tuple[float, float, float, float], float]]:
+    """Return statures by track, and distances on the ground by their pixels, both in metres."""
+    heights_m: dict[int, float] = {}
+    distances_m: dict[tuple[float, float, float, float], float] = {}
     for text in arguments.known_height:
         try:
             track, _, height = text.partition("=")
-            heights.append(KnownHeight(int(track), float(height)))
+            heights_m[int(track)] = float(height)
         except ValueError as error:
             raise UsageError(
                 f"--known-height {text!r} is no TRACK=METRES, such as 12=1.80"
@@ -138,13 +137,13 @@ def _known(arguments: argparse.Namespace) -> KnownLengths:
     for text in arguments.known_distance:
         try:
             points, _, distance = text.partition("=")
-            pixels = np.array([float(v) for v in points.split(",")]).reshape(2, 2)
-            distances.append(KnownDistance(pixels, float(distance)))
+            x0_px, y0_px, x1_px, y1_px = (float(value) for value in points.split(","))
+            distances_m[x0_px, y0_px, x1_px, y1_px] = float(distance)
         except ValueError as error:
             raise UsageError(
                 f"--known-distance {text!r} is no X,Y,X,Y=METRES, such as 310,420,505,433=4.2"
             ) from error
-    return KnownLengths(tuple(heights), tuple(distances))
+    return heights_m, distances_m
 
 
 def print_calibrations(fitted: FittedToTruth) -> int:

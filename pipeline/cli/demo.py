@@ -16,89 +16,118 @@ from pipeline.cli.run import print_run
 from pipeline.core.errors import MissingLibrary, UsageError, Where
 
 if TYPE_CHECKING:
-    from pipeline.core.config import Config
-    from pipeline.run.recording import Outcome
-    from pipeline.store.database import Store
+    from stadimeter import Config, Outcome, Results, RunResult
 
 SOURCE_RECORDINGS = Path(__file__).resolve().parents[2] / "recordings"
+# Recordings of the source. A wheel has those that are small.
+RECORDINGS = ("aperture_sweep", "staff", "street", "walkers")
 
 
 def add(commands: Commands) -> None:
     """Add the command and its arguments to the parser."""
-    parser = commands.add_parser("demo", help="run on the recordings that come with the source")
-    parser.add_argument("--recordings", type=Path, metavar="DIR", help="where they are")
+    parser = commands.add_parser("demo", help="run on the recordings that come with stadimeter")
+    parser.add_argument(
+        "--recordings",
+        type=Path,
+        metavar="DIR",
+        help="folder of recordings, such as `recordings` of the source (default: those installed)",
+    )
     parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR")
     parser.set_defaults(function=call)
 
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    return code_of(*demo(arguments.recordings, arguments.out))
+    result = demo(arguments.recordings or SOURCE_RECORDINGS, arguments.out)
+    return code_of(result.stored, result.failed, result.damaged)
 
 
-def demo(
-    recordings: Path | None, folder: Path
-) -> tuple[list[Outcome], list[Outcome], list[Outcome]]:
-    """Run on all recordings of a folder, print what came of it; return stored, failed, damaged.
+def demo(source: Path, folder: Path) -> RunResult:
+    """Measure all recordings of a folder, and print the results and how far off they are.
 
     Raises:
         UsageError: there are no recordings.
     """
-    from dashboards.timeline.split import write_timelines
-    from pipeline.core.config import load_config
-    from pipeline.run.recording import Timelines
-    from pipeline.run.recordings import run
-    from pipeline.store.database import Store
+    import stadimeter
 
-    source = recordings or SOURCE_RECORDINGS
     paths = sorted(source.glob("*.mcap"))
     if not paths:
         raise UsageError(
-            "no recordings here", where=Where(source), remedy="Give their folder with --recordings"
+            "no recordings here",
+            where=Where(source),
+            remedy="They are in the folder `recordings` of stadimeter's source; name that folder: "
+            "stadimeter demo --recordings DIR",
         )
     camera_file = source / "cameras.toml"
-    config = load_config(camera_file if camera_file.is_file() else None)
+    config = stadimeter.load_config(camera_file) if camera_file.is_file() else stadimeter.Config()
     database = folder / "stadimeter.duckdb"
     folder.mkdir(parents=True, exist_ok=True)
-    shown = Timelines(folder, write_timelines)
-    with progress_lines() as report:
-        result = run(paths, database, config, timelines=shown, label="demo", report=report)
-    with Store.open(database, read_only=True) as store:
+    with progress_lines() as progress:
+        result = stadimeter.measure(
+            paths,
+            database,
+            camera=config,
+            timelines=folder,
+            label="demo",
+            strict=False,
+            progress=progress,
+        )
+    with stadimeter.open(database) as results:
         for outcome in result.stored:
-            recording = outcome.recording
-            assert recording is not None  # noqa: S101  (narrowing)
-            recording_id = recording.recording_id
-            truth = store.read("ground_truth", recording_id)
-            if STAFF in truth["class_name"].to_pylist():
-                _print_accuracy(store, recording_id, source)
-                continue
-            if _print_defocus(store, recording_id, outcome.path.name):
-                continue
-            _print_pose(store, recording_id)
-            print_tracks(store, recording_id, f"{outcome.path.name}: who walked where")
-            if truth.num_rows:
-                _print_true_pose(outcome.path, config)
-                _print_against_truth(store, recording_id, outcome.path.name)
+            _print_outcome(results, outcome, source, config)
     print_run(result, database)
     _write_report(database, folder / "report.html")
     out.print(f"look      stadimeter review --db {safe(database)} {safe(paths[-1].stem)}")
     out.print(f"next      stadimeter query --db {safe(database)} --view accuracy.by_aperture")
-    return result.stored, result.failed, result.damaged
+    if source == SOURCE_RECORDINGS:
+        _print_missing({path.stem for path in paths})
+    return result
+
+
+def _print_outcome(results: Results, outcome: Outcome, source: Path, config: Config) -> None:
+    recording = outcome.recording
+    assert recording is not None  # noqa: S101  (narrowing)
+    recording_id = recording.recording_id
+    truth = results.query(
+        "SELECT class_name FROM ground_truth WHERE recording_id = ?", [recording_id]
+    ).arrow()
+    if STAFF in truth["class_name"].to_pylist():
+        _print_accuracy(results, recording_id, source)
+        return
+    if _print_defocus(results, recording_id, outcome.path.name):
+        return
+    _print_pose(results, recording_id)
+    print_tracks(results, recording_id, f"{outcome.path.name}: people and where they walked")
+    if truth.num_rows:
+        _print_true_pose(outcome.path, config)
+        _print_against_truth(results, recording_id, outcome.path.name)
+
+
+def _print_missing(found: set[str]) -> None:
+    """Print how to get the recordings that an installed wheel lacks."""
+    missing = [name for name in RECORDINGS if name not in found]
+    if missing:
+        out.print(
+            f"more      {' and '.join(missing)}: too large for an installed stadimeter. The folder "
+            "`recordings` of its source has all: stadimeter demo --recordings DIR",
+            soft_wrap=True,
+        )
 
 
 def _write_report(database: Path, target: Path) -> None:
-    from dashboards.report.writer import write_report
+    import stadimeter
 
     try:
-        write_report(database, target)
+        stadimeter.report(database, target)
     except MissingLibrary as error:  # the rest of the demo needs no extra
         out.print(safe(error), style="yellow", soft_wrap=True)
     else:
         out.print(f"report    {safe(target)}", soft_wrap=True)
 
 
-def _print_pose(store: Store, recording_id: str) -> None:
-    for camera in store.read("cameras", recording_id).to_pylist():
+def _print_pose(results: Results, recording_id: str) -> None:
+    cameras = results.query("FROM cameras WHERE recording_id = ? ORDER BY camera", [recording_id])
+    for camera in cameras.rows():
         if camera["pose_source"] is None:
             continue
         out.print(
@@ -113,17 +142,17 @@ def _print_pose(store: Store, recording_id: str) -> None:
 
 def _print_true_pose(path: Path, config: Config) -> None:
     """Print the pose that a simulated recording was made with, as its metadata say; no run reads it."""
-    from pipeline.ingest.survey import survey
+    import stadimeter
 
-    said = survey(path, config).metadata.get("true_camera")
+    said = stadimeter.inspect(path, camera=config).metadata.get("true_camera")
     if said is not None:
         values = ", ".join(f"{safe(k)} = {safe(v)}" for k, v in said.items())
         out.print(f"truth     {values}", soft_wrap=True)
 
 
-def _print_against_truth(store: Store, recording_id: str, title: str) -> None:
+def _print_against_truth(results: Results, recording_id: str, title: str) -> None:
     """Print how far depths and heights of people are from the truth, by method."""
-    depths = store.query(
+    depths = results.query(
         """
         SELECT method, count(*) AS n, median(abs(depth_error_m) / true_depth_m) AS relative,
             median(depth_error_m / true_depth_m) AS bias,
@@ -131,14 +160,14 @@ def _print_against_truth(store: Store, recording_id: str, title: str) -> None:
         FROM accuracy.errors WHERE recording_id = ? GROUP BY method ORDER BY method
         """,
         [recording_id],
-    ).to_pylist()
-    heights = store.query(
+    ).rows()
+    heights = results.query(
         """
         SELECT method, median(abs(height_error_m)) AS off_m
         FROM accuracy.track_heights WHERE recording_id = ? GROUP BY method
         """,
         [recording_id],
-    ).to_pylist()
+    ).rows()
     off_m = {row["method"]: row["off_m"] for row in heights}
     rows = [
         [
@@ -155,9 +184,9 @@ def _print_against_truth(store: Store, recording_id: str, title: str) -> None:
     print_rows(f"{title}: against the truth, medians", header, rows)
 
 
-def _print_defocus(store: Store, recording_id: str, title: str) -> bool:
+def _print_defocus(results: Results, recording_id: str, title: str) -> bool:
     """Print depths by blur beside the truth, one row an object, place and focus; False for none."""
-    found = store.query(
+    found = results.query(
         """
         SELECT m.object_id, m.true_depth_m, f.focus_distance_m, e.branch,
             count(*) AS frames, min(f.f_number) AS widest, max(f.f_number) AS narrowest,
@@ -170,7 +199,7 @@ def _print_defocus(store: Store, recording_id: str, title: str) -> bool:
         GROUP BY ALL ORDER BY m.object_id, f.focus_distance_m DESC, m.true_depth_m
         """,
         [recording_id],
-    ).to_pylist()
+    ).rows()
     rows = [
         [
             row["object_id"],
@@ -197,14 +226,14 @@ LABELS = {
 }
 
 
-def _print_accuracy(store: Store, recording_id: str, source: Path) -> None:
+def _print_accuracy(results: Results, recording_id: str, source: Path) -> None:
     """Print the errors on `staff` beside those of what the paper prints for the same rows."""
     depths = _table(source / "paper" / "depth_tables_3_to_7.csv")
     heights = _table(source / "paper" / "height_tables_9_10.csv")
     # A width that contradicts the row's other columns is a misprint, and no measurement.
     wrong = [_id(r) for r in depths if "width_px contradicts" in r["erratum"]]
     wrong += [_id(r) for r in heights if r["erratum"]]
-    found = store.query(
+    found = results.query(
         """
         SELECT f_number, method, sqrt(avg(depth_error_m ** 2)) AS depth_m,
             sqrt(avg(height_error_m ** 2)) AS height_m
@@ -212,7 +241,7 @@ def _print_accuracy(store: Store, recording_id: str, source: Path) -> None:
         GROUP BY GROUPING SETS ((f_number, method), (method))
         """,
         [recording_id, wrong],
-    ).to_pylist()
+    ).rows()
     ours = {(r["f_number"], r["method"]): r["depth_m"] for r in found if r["depth_m"] is not None}
     methods = sorted({method for _, method in ours})
     paper = _printed_rmse(depths, wrong, "estimated_depth_cm", "actual_depth_cm")
@@ -267,11 +296,11 @@ def _cm(value_cm: float | None) -> str:
     return "" if value_cm is None else f"{value_cm:.2f}"
 
 
-def print_tracks(store: Store, recording_id: str, title: str) -> int:
+def print_tracks(results: Results, recording_id: str, title: str) -> int:
     """Print the tracks of a recording: where, how tall, by the best method; return how many."""
     from pipeline.estimate.methods import NAMES
 
-    best = store.query(
+    best = results.query(
         """
         SELECT track_id, camera, method, height_m, height_std_m, height_assumed, height_plausible,
             depth_min_m,
@@ -286,7 +315,7 @@ def print_tracks(store: Store, recording_id: str, title: str) -> int:
         ORDER BY camera, track_id
         """,
         [recording_id, list(NAMES)],
-    ).to_pylist()
+    ).rows()
     rows = []
     for track in best:
         height = ""

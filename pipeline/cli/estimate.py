@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pipeline.cli.console import out
+from pipeline.cli.console import out, safe
 from pipeline.cli.exit_codes import DONE
 from pipeline.cli.options import Commands, add_database
 
@@ -24,9 +24,11 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from pipeline.core.config import load_config
-    from pipeline.run.recordings import estimate_again
+    import stadimeter
 
-    run_id, count = estimate_again(arguments.db, load_config(arguments.camera), arguments.label)
-    out.print(f"{arguments.db}: {count:,} recordings estimated again as run {run_id}")
+    done = stadimeter.estimate(arguments.db, camera=arguments.camera, label=arguments.label)
+    out.print(
+        f"{safe(arguments.db)}: {done.recording_count:,} recordings estimated again as run "
+        f"{done.run_id}"
+    )
     return DONE

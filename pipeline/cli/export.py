@@ -24,12 +24,16 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from pipeline.core.config import load_config
-    from pipeline.export.recording import export_recording
+    import stadimeter
 
-    limits = load_config(arguments.camera).limits
-    with progress_lines() as report:
-        done = export_recording(arguments.recording, arguments.db, arguments.output, limits, report)
+    with progress_lines() as progress:
+        done = stadimeter.export(
+            arguments.recording,
+            arguments.db,
+            arguments.output,
+            camera=arguments.camera,
+            progress=progress,
+        )
     out.print(
         f"{safe(arguments.output)}: {done.messages:,} messages of the original, and "
         f"{done.objects:,} objects in {done.frames:,} frames",

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from datetime import UTC, datetime
 from pathlib import Path
 
 from pipeline.cli.console import out, progress_lines, safe
 from pipeline.cli.exit_codes import DONE
 from pipeline.cli.options import Commands
 from pipeline.core.errors import UsageError, Where
-from pipeline.core.progress import Progress
 
 
 def add(commands: Commands) -> None:
@@ -51,72 +49,57 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from pipeline.core.config import load_config
     from pipeline.importing.photos import are_photos
-    from pipeline.importing.video_file import VideoImport, import_video
 
     for source in arguments.sources:
         if not source.exists():
             raise UsageError("there is no such file", where=Where(source))
     if are_photos(arguments.sources):
-        return _import_photos(arguments)
-    if len(arguments.sources) > 1:
+        _import_photos(arguments)
+    elif len(arguments.sources) > 1:
         raise UsageError("one video at a time, or photos and folders of them")
-    arguments.video = arguments.sources[0]
-    if not 1 <= arguments.quality <= 100 or not 0 < arguments.scale <= 1:
-        raise UsageError("--quality must be 1 to 100, and --scale above 0 and at most 1")
-    config = load_config(arguments.camera)
-    name = arguments.name or (config.camera[0].name if len(config.camera) == 1 else "camera")
-    options = VideoImport(
-        start_time_ns=_start_time_ns(arguments),
-        camera=name,
-        frame_rate=arguments.frame_rate,
-        from_s=arguments.from_s,
-        duration_s=arguments.duration,
-        scale=arguments.scale,
-        jpeg_quality=arguments.quality,
-    )
-    with progress_lines() as report:
-        frames = import_video(
-            arguments.video,
-            arguments.output,
-            options,
-            config.camera_named(name),
-            lambda count: report(Progress(arguments.video.name, "import", count, 0.0)),
-        )
-    size_mb = arguments.output.stat().st_size / 1e6
-    out.print(f"{safe(arguments.output)}: {frames:,} frames, {size_mb:.1f} MB, camera {safe(name)}")
+    else:
+        _import_video(arguments)
     return DONE
 
 
-def _import_photos(arguments: argparse.Namespace) -> int:
-    from pipeline.core.config import load_config
-    from pipeline.importing.photos import PhotoImport, import_photos, zone_of
+def _import_video(arguments: argparse.Namespace) -> None:
+    import stadimeter
 
-    options = PhotoImport(camera=arguments.name, zone=zone_of(arguments.utc_offset))
-    with progress_lines() as report:
-        done = import_photos(
+    with progress_lines() as progress:
+        made = stadimeter.import_video(
+            arguments.sources[0],
+            arguments.output,
+            camera=arguments.camera,
+            name=arguments.name,
+            start_time=arguments.start_time,
+            frame_rate=arguments.frame_rate,
+            from_s=arguments.from_s,
+            duration_s=arguments.duration,
+            scale=arguments.scale,
+            quality=arguments.quality,
+            progress=progress,
+        )
+    size_mb = made.path.stat().st_size / 1e6
+    out.print(
+        f"{safe(made.path)}: {made.frame_count:,} frames, {size_mb:.1f} MB, "
+        f"camera {safe(made.camera)}"
+    )
+
+
+def _import_photos(arguments: argparse.Namespace) -> None:
+    import stadimeter
+
+    with progress_lines() as progress:
+        done = stadimeter.import_photos(
             arguments.sources,
             arguments.output,
-            options,
-            load_config(arguments.camera),
-            lambda count: report(Progress(arguments.sources[0].name, "import", count, 0.0)),
+            camera=arguments.camera,
+            name=arguments.name,
+            utc_offset=arguments.utc_offset,
+            progress=progress,
         )
     for camera, count in done.counts.items():
         out.print(f"{safe(arguments.output)}: {count:,} photos of camera {safe(camera)}")
     for remark in done.remarks:
         out.print(safe(remark), style="yellow", soft_wrap=True)
-    return DONE
-
-
-def _start_time_ns(arguments: argparse.Namespace) -> int:
-    if arguments.start_time is None:
-        if not arguments.video.is_file():
-            raise UsageError(f"{arguments.video}: there is no such file")
-        return arguments.video.stat().st_mtime_ns
-    try:
-        start = datetime.fromisoformat(arguments.start_time)
-    except ValueError as error:
-        raise UsageError(f"--start-time {arguments.start_time!r} is no ISO 8601 time") from error
-    start = start if start.tzinfo else start.replace(tzinfo=UTC)
-    return round(start.timestamp() * 1e6) * 1000

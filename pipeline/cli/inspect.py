@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 from pipeline.cli.console import out, print_rows, safe
 from pipeline.cli.exit_codes import DAMAGED, DONE
 from pipeline.cli.options import Commands
-from pipeline.core.errors import UsageError, Where
 
 if TYPE_CHECKING:
-    from pipeline.ingest.survey import CameraSurvey, Survey
+    from stadimeter import CameraSurvey, Survey
 
 
 def add(commands: Commands) -> None:
@@ -31,12 +30,9 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from pipeline.core.config import load_config
-    from pipeline.ingest.survey import survey
+    import stadimeter
 
-    if not arguments.recording.is_file():
-        raise UsageError("there is no such file", where=Where(arguments.recording))
-    found = survey(arguments.recording, load_config(arguments.camera), whole=arguments.whole)
+    found = stadimeter.inspect(arguments.recording, camera=arguments.camera, whole=arguments.whole)
     print_survey(found)
     return DAMAGED if found.notes.lost_data else DONE
 

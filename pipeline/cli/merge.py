@@ -20,8 +20,8 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from pipeline.cluster.results_folder import merge
+    import stadimeter
 
-    count = merge(arguments.parts, arguments.db)
+    count = stadimeter.merge(arguments.parts, arguments.db)
     out.print(f"{safe(arguments.db)}: {count:,} recordings added", soft_wrap=True)
     return DONE

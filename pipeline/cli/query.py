@@ -55,30 +55,18 @@ def answer(
 ) -> pa.Table:
     """Return the result of a statement, all rows of a view, or, without either, the catalogue.
 
-    Asks the database, or, where it is given, a folder of finished recordings.
+    The database is asked, or a folder of finished recordings if one is given.
 
     Raises:
         StoreError: the database cannot be opened.
         UsageError: DuckDB does not accept the statement, or there is no such view.
     """
-    from pipeline.cluster.results_folder import open_shared
-    from pipeline.store.database import Store
+    import stadimeter
 
-    opened = Store.open(database, read_only=True) if parts is None else open_shared(parts)
-    with opened as store:
+    with stadimeter.open(database if parts is None else parts) as results:
         if sql is not None:
-            return store.query(sql)
-        catalog = store.catalog()
-        if view is None:
-            return catalog
-        name = view.removeprefix("main.")
-        if name not in set(catalog["name"].to_pylist()):
-            raise UsageError(
-                f"there is no view or table {view!r}",
-                where=Where(store.path),
-                remedy="`stadimeter query --list` shows them",
-            )
-        return store.query(f"FROM {name}")  # one of the catalogue's own names
+            return results.query(sql).arrow()
+        return (results.catalog() if view is None else results.view(view)).arrow()
 
 
 def write_csv(table: pa.Table, stream: TextIO) -> None:

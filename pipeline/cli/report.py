@@ -24,8 +24,8 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from dashboards.report.writer import write_report
+    import stadimeter
 
-    write_report(arguments.db, arguments.output)
-    out.print(f"report    {safe(arguments.output)}", soft_wrap=True)
+    path = stadimeter.report(arguments.db, arguments.output)
+    out.print(f"report    {safe(path)}", soft_wrap=True)
     return DONE

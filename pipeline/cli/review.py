@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.cli.console import out, safe
 from pipeline.cli.exit_codes import DONE
-from pipeline.cli.options import Commands, add_database, add_preview, timeline_config
+from pipeline.cli.options import Commands, add_database, add_preview
 
 
 def add(commands: Commands) -> None:
@@ -34,33 +34,30 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from dataclasses import replace
+    import stadimeter
 
-    from dashboards.review.review import Review, elsewhere, open_review, place_for, write_review
-    from dashboards.review.viewer import no_display, no_viewer
-    from pipeline.core.config import Config
-    from pipeline.store.database import Store
-
-    config = Config()
-    config = replace(config, timeline=timeline_config(config.timeline, arguments.preview, None))
-    review = Review(arguments.recordings, arguments.at, arguments.track, arguments.track_camera)
-    hindrance = no_viewer() if arguments.browser else no_display()
-    output = arguments.output
-    if output is None and hindrance:
-        output = Path(f"{Path(arguments.recordings[0]).stem}.review.rrd")
-    with place_for(output) as target:
-        with Store.open_current(arguments.db) as store:
-            written = write_review(store, review, target, config)
-        for remark in written.remarks:
-            out.print(f"shown     {safe(remark)}", soft_wrap=True)
-        if output is None:
-            open_review(
-                written, lambda line: out.print(line, soft_wrap=True), browser=arguments.browser
-            )
-            return DONE
-        out.print(f"timeline  {safe(output)}", soft_wrap=True)
-        if hindrance and arguments.output is None:
-            out.print(f"{hindrance}; to look at it:")
-            for line in elsewhere(output):
-                out.print(f"  {safe(line)}", soft_wrap=True)
+    done = stadimeter.review(
+        arguments.recordings,
+        arguments.db,
+        output=arguments.output,
+        at=arguments.at,
+        track=arguments.track,
+        track_camera=arguments.track_camera,
+        browser=arguments.browser,
+        preview_px=arguments.preview,
+        say=_say,
+    )
+    if done.path is None:
+        return DONE
+    for remark in done.remarks:
+        _say(f"shown     {remark}")
+    _say(f"timeline  {done.path}")
+    if done.hindrance:
+        _say(f"{done.hindrance}; to look at it:")
+        for line in done.hints:
+            _say(f"  {line}")
     return DONE
+
+
+def _say(line: str) -> None:
+    out.print(safe(line), soft_wrap=True)

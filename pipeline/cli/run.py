@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING
 
 from pipeline.cli.console import err, out, print_rows, progress_lines, safe
 from pipeline.cli.exit_codes import code_of
-from pipeline.cli.options import Commands, add_database, add_preview, timeline_config
+from pipeline.cli.options import Commands, add_database, add_preview
 from pipeline.core.errors import UsageError
-from pipeline.detect import CHOICES, check_detector
+from pipeline.detect import CHOICES
 
 if TYPE_CHECKING:
-    from pipeline.cluster.shared_run import SharedResult
-    from pipeline.core.config import Config, DetectConfig
-    from pipeline.run.recordings import RunResult
-    from pipeline.store.database import Store
+    from stadimeter import Results, RunResult, SharedResult
 
 
 def add(commands: Commands) -> None:
@@ -45,38 +42,27 @@ def add(commands: Commands) -> None:
 
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
-    from dataclasses import replace
+    import stadimeter
 
-    from pipeline.core.config import load_config
-    from pipeline.run.recording import Timelines
-    from pipeline.run.recordings import run
-
-    if arguments.workers < 1:
-        raise UsageError("--workers must be at least 1")
-    config = load_config(arguments.camera)
-    config = replace(
-        config,
-        detect=_detect_config(arguments, config.detect),
-        timeline=timeline_config(config.timeline, arguments.rrd_preview, arguments.rrd_split),
-    )
     if arguments.parts is not None:
-        return _run_shared(arguments, config)
+        return _call_shared(arguments)
     if arguments.engine != "local" or arguments.address is not None:
         raise UsageError("--engine ray needs --parts DIR, a folder that all machines see")
-    timelines = None
-    if arguments.rrd is not None:
-        from dashboards.timeline.split import write_timelines  # heavy, and not always wanted
-
-        timelines = Timelines(arguments.rrd, write_timelines)
-    with progress_lines() as report:
-        result = run(
+    with progress_lines() as progress:
+        result = stadimeter.measure(
             arguments.recordings,
             arguments.db,
-            config,
-            timelines=timelines,
+            camera=arguments.camera,
+            detector=arguments.detector,
+            model=arguments.model,
+            model_family=arguments.model_family,
+            timelines=arguments.rrd,
+            preview_px=arguments.rrd_preview,
+            split_minutes=arguments.rrd_split,
             workers=arguments.workers,
             label=arguments.label,
-            report=report,
+            strict=False,
+            progress=progress,
         )
     print_run(result, arguments.db)
     if arguments.profile:
@@ -104,43 +90,29 @@ def _add_shared(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _run_shared(arguments: argparse.Namespace, config: Config) -> int:
-    from pipeline.cluster.shared_run import run_shared
+def _call_shared(arguments: argparse.Namespace) -> int:
+    import stadimeter
 
     if arguments.rrd is not None:
         raise UsageError("--rrd needs a database: leave out --parts")
-    if arguments.address is not None and arguments.engine != "ray":
-        raise UsageError("--address belongs to --engine ray")
-    with progress_lines() as report:
-        result = run_shared(
+    with progress_lines() as progress:
+        result = stadimeter.measure_parts(
             arguments.recordings,
             arguments.parts,
-            config,
+            camera=arguments.camera,
+            detector=arguments.detector,
+            model=arguments.model,
+            model_family=arguments.model_family,
             engine=arguments.engine,
             address=arguments.address,
             workers=arguments.workers,
             window_s=arguments.split,
             label=arguments.label,
-            report=report,
+            strict=False,
+            progress=progress,
         )
     print_shared(result, arguments.parts)
     return code_of(result.stored, result.failed, result.damaged)
-
-
-def _detect_config(arguments: argparse.Namespace, detect: DetectConfig) -> DetectConfig:
-    """Return how to detect: options override the camera file."""
-    from dataclasses import replace
-
-    if arguments.model is not None:
-        if arguments.detector not in (None, "onnx"):
-            raise UsageError(f"--model goes with --detector onnx, not {arguments.detector}")
-        detect = replace(detect, method="onnx", model=str(arguments.model))
-    if arguments.model_family is not None:
-        detect = replace(detect, model_family=arguments.model_family)
-    if arguments.detector is not None:
-        detect = replace(detect, method=arguments.detector)
-    check_detector(detect)  # a wrong model is told once, before hours of footage
-    return detect
 
 
 MAX_SHOWN = 10  # losses; the others are in the table `diagnostics`
@@ -164,11 +136,11 @@ def print_run(result: RunResult, database: Path) -> None:
         for timeline in outcome.timelines:
             out.print(f"timeline  {safe(timeline)}", soft_wrap=True)
     if result.damaged:
-        from pipeline.store.database import Store
+        import stadimeter
 
-        with Store.open(database, read_only=True) as store:
-            print_damage(store, result.run_id)
-            least = "at least " if ends_are_missing(store, result.run_id) else ""
+        with stadimeter.open(database) as results:
+            print_damage(results, result.run_id)
+            least = "at least " if ends_are_missing(results, result.run_id) else ""
         lost = sum(o.recording.frames_lost for o in result.damaged if o.recording is not None)
         text = f"{least}{lost:,} frames were lost to damage; the table diagnostics says where"
         out.print(text, style="yellow")
@@ -211,13 +183,13 @@ def print_shared(result: SharedResult, folder: Path) -> None:
     out.print(f"parts  {safe(folder)}", soft_wrap=True)
 
 
-def print_damage(store: Store, run_id: str) -> None:
+def print_damage(results: Results, run_id: str) -> None:
     """Print the first diagnostics of a run that say what was lost."""
-    found = store.query(
+    found = results.query(
         "SELECT file_name, byte_offset, topic, count, message FROM diagnostics "
         "WHERE run_id = ? AND severity = 'error'",
         [run_id],
-    ).to_pylist()
+    ).rows()
     for row in found[:MAX_SHOWN]:
         place = f" byte {row['byte_offset']:,}" if row["byte_offset"] is not None else ""
         topic = f" {row['topic']}" if row["topic"] else ""
@@ -227,10 +199,9 @@ def print_damage(store: Store, run_id: str) -> None:
         out.print(f"  and {len(found) - MAX_SHOWN:,} more")
 
 
-def ends_are_missing(store: Store, run_id: str) -> bool:
-    """Whether a recording of a run was cut, so that nobody knows what came after."""
-    found = store.query(
-        "SELECT count(*) AS n FROM diagnostics WHERE run_id = ? AND code = 'truncated_file'",
-        [run_id],
+def ends_are_missing(results: Results, run_id: str) -> bool:
+    """Return True if a recording of a run was cut, so that its end is unknown."""
+    found = results.query(
+        "FROM diagnostics WHERE run_id = ? AND code = 'truncated_file' LIMIT 1", [run_id]
     )
-    return found.to_pylist()[0]["n"] > 0
+    return len(found) > 0

@@ -75,7 +75,7 @@ def test_the_catalogue_says_what_each_view_answers(workplace: Path) -> None:
         (("inspect", "absent.mcap"), 2, "no such file"),
         (("run", "people.mcap", "--camera", "absent.toml"), 2, "absent.toml"),
         (("import", "absent.avi", "-o", "z.mcap"), 2, "absent.avi"),
-        (("run", "people.mcap", "--workers", "0"), 2, "--workers"),
+        (("run", "people.mcap", "--workers", "0"), 2, "number of workers must be at least 1"),
     ],
 )
 def test_errors_say_what_and_where(

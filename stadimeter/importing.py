@@ -1,0 +1,134 @@
+"""Recordings made of videos and of photos."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from pipeline.core.errors import UsageError, Where
+from stadimeter.arguments import Camera, OnProgress, PathLike, config_of, counter_of, paths_of
+
+if TYPE_CHECKING:
+    from pipeline.importing.photos import Imported
+
+
+class ImportedVideo(NamedTuple):
+    """A recording that was made of a video."""
+
+    path: Path
+    frame_count: int
+    camera: str
+
+
+def import_video(
+    video: PathLike,
+    recording: PathLike,
+    *,
+    camera: Camera = None,
+    name: str | None = None,
+    start_time: datetime | str | None = None,
+    frame_rate: float | None = None,
+    from_s: float = 0.0,
+    duration_s: float = math.inf,
+    scale: float = 1.0,
+    quality: int = 90,
+    progress: OnProgress = None,
+) -> ImportedVideo:
+    """Make a recording of a video, with JPEG pictures and the lens data of a camera file.
+
+    Args:
+        video: file that OpenCV can read.
+        recording: MCAP file to write.
+        camera: camera file, or a `Config`; None takes the defaults.
+        name: name of the camera; None takes the only one of the camera file, else "camera".
+        start_time: time of the first frame, as a datetime or ISO 8601; UTC if it has no offset.
+            None takes the date of the file.
+        frame_rate: frames a second, if the video states none.
+        from_s: start of an excerpt, in seconds; its frames keep the times of the whole video.
+        duration_s: length of the excerpt, in seconds.
+        scale: factor by which the pictures are made smaller, above 0 and at most 1.
+        quality: quality of the JPEG pictures, 1 to 100.
+        progress: called with a `Progress` while the work goes on.
+
+    Raises:
+        UsageError: an argument is impossible, or the frame rate is unknown.
+        StadimeterError: the video cannot be read, or has no frame in the excerpt.
+    """
+    from pipeline.importing import video_file
+
+    path, target = Path(video), Path(recording)
+    if not path.is_file():
+        raise UsageError("there is no such file", where=Where(path))
+    if not 1 <= quality <= 100 or not 0 < scale <= 1:
+        raise UsageError("the quality must be 1 to 100, and the scale above 0 and at most 1")
+    config = config_of(camera)
+    name = name or (config.camera[0].name if len(config.camera) == 1 else "camera")
+    options = video_file.VideoImport(
+        start_time_ns=_time_ns(start_time, path),
+        camera=name,
+        frame_rate=frame_rate,
+        from_s=from_s,
+        duration_s=duration_s,
+        scale=scale,
+        jpeg_quality=quality,
+    )
+    count = video_file.import_video(
+        path, target, options, config.camera_named(name), counter_of(progress, path.name)
+    )
+    return ImportedVideo(target, count, name)
+
+
+def import_photos(
+    photos: PathLike | Iterable[PathLike],
+    recording: PathLike,
+    *,
+    camera: Camera = None,
+    name: str | None = None,
+    utc_offset: str = "+00:00",
+    progress: OnProgress = None,
+) -> Imported:
+    """Make a recording of photos, in the order of their time, with the lens data of their EXIF.
+
+    Args:
+        photos: JPEG, PNG or WebP files, or folders of them at any depth.
+        recording: MCAP file to write.
+        camera: camera file, or a `Config`; None takes the defaults.
+        name: name of the camera; None takes make and model of each photo.
+        utc_offset: offset (+HH:MM) of photos whose EXIF states no time zone.
+        progress: called with a `Progress` while the work goes on.
+
+    Returns:
+        Number of photos by camera (`counts`), and remarks on photos that were left out or doubtful.
+
+    Raises:
+        UsageError: a path does not exist, or the offset is none.
+        StadimeterError: there is no photo that can be read.
+    """
+    from pipeline.importing.photos import PhotoImport, zone_of
+    from pipeline.importing.photos import import_photos as make
+
+    sources = paths_of(photos)
+    if not sources:
+        raise UsageError("no photo is given")
+    for source in sources:
+        if not source.exists():
+            raise UsageError("there is no such file", where=Where(source))
+    options = PhotoImport(camera=name, zone=zone_of(utc_offset))
+    count = counter_of(progress, sources[0].name)
+    return make(sources, Path(recording), options, config_of(camera), count)
+
+
+def _time_ns(start: datetime | str | None, video: Path) -> int:
+    """Return the time at which a video starts: as given, or the date of its file."""
+    if start is None:
+        return video.stat().st_mtime_ns
+    if isinstance(start, str):
+        try:
+            start = datetime.fromisoformat(start)
+        except ValueError as error:
+            raise UsageError(f"the start time {start!r} is no ISO 8601 time") from error
+    start = start if start.tzinfo else start.replace(tzinfo=UTC)
+    return round(start.timestamp() * 1e6) * 1000

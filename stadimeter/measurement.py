@@ -1,0 +1,234 @@
+"""Recordings measured into a database or a shared folder, and estimated again."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from pipeline.core.config import Config
+from pipeline.core.errors import StadimeterError, UsageError
+from stadimeter.arguments import (
+    Camera,
+    OnProgress,
+    PathLike,
+    config_of,
+    paths_of,
+    report_of,
+    with_timelines,
+)
+
+if TYPE_CHECKING:
+    from pipeline.cluster.shared_run import Finished, SharedResult
+    from pipeline.run.recording import Outcome, Timelines
+    from pipeline.run.recordings import RunResult
+
+
+class DamageWarning(UserWarning):
+    """Recordings were measured, but a part of them was lost to damage."""
+
+
+class Estimated(NamedTuple):
+    """New estimates of the stored recordings."""
+
+    run_id: str
+    recording_count: int
+
+
+def measure(
+    recordings: PathLike | Iterable[PathLike],
+    db: PathLike,
+    *,
+    camera: Camera = None,
+    detector: str | None = None,
+    model: PathLike | None = None,
+    model_family: str | None = None,
+    timelines: PathLike | None = None,
+    preview_px: int | None = None,
+    split_minutes: float | None = None,
+    workers: int = 1,
+    label: str | None = None,
+    strict: bool = True,
+    progress: OnProgress = None,
+) -> RunResult:
+    """Measure recordings, estimate depths and heights, and store both in a database.
+
+    A recording is stored whole or not at all; measured again, it replaces what was stored of it.
+
+    Args:
+        recordings: one MCAP file or several.
+        db: DuckDB file; it is made if it does not exist.
+        camera: camera file, or a `Config`; None takes the defaults.
+        detector: `auto`, `recorded`, `roi`, `motion` or `onnx`; overrides the camera file.
+        model: ONNX file of a network; implies the detector `onnx`.
+        model_family: family of the network, needed if its outputs fit several.
+        timelines: folder for a Rerun timeline of each recording; None writes none.
+        preview_px: longer side of the timelines' pictures, in pixels; None keeps them as recorded.
+        split_minutes: length of a timeline, in minutes; None takes that of the camera file.
+        workers: number of processes, each with a recording at a time.
+        label: name of the run, to compare it with others.
+        strict: raise if a recording cannot be measured, and warn of damage, after all are done.
+            Otherwise look at `failed` and `damaged` of the result.
+        progress: called with a `Progress` while the work goes on.
+
+    Returns:
+        What became of each recording, in the order given: `stored`, `failed` and `damaged`.
+
+    Raises:
+        UsageError: an argument or a setting is unknown or impossible.
+        StoreError: the database cannot be opened or written.
+        StadimeterError: with `strict`, the error of the first recording that failed.
+        MissingLibrary: a library of an extra is needed and not installed.
+
+    Warns:
+        DamageWarning: with `strict`, frames were lost; the table `diagnostics` says where.
+    """
+    from pipeline.run.recordings import run
+
+    _check_workers(workers)
+    config = _with_detector(config_of(camera), detector, model, model_family)
+    config = with_timelines(config, preview_px, split_minutes)
+    result = run(
+        paths_of(recordings),
+        Path(db),
+        config,
+        timelines=None if timelines is None else _timelines(Path(timelines)),
+        workers=workers,
+        label=label,
+        report=report_of(progress),
+    )
+    if strict:
+        _be_strict(result.failed, result.damaged)
+    return result
+
+
+def measure_parts(
+    recordings: PathLike | Iterable[PathLike],
+    parts: PathLike,
+    *,
+    camera: Camera = None,
+    detector: str | None = None,
+    model: PathLike | None = None,
+    model_family: str | None = None,
+    engine: Literal["local", "ray"] = "local",
+    address: str | None = None,
+    workers: int = 1,
+    window_s: float = 600.0,
+    label: str | None = None,
+    strict: bool = True,
+    progress: OnProgress = None,
+) -> SharedResult:
+    """Measure recordings into a folder of Parquet files, on one machine or many.
+
+    Recordings that the folder has already are not measured again. `open` answers questions to the
+    folder, and `merge` makes a database of it.
+
+    Args:
+        recordings: one MCAP file or several, under paths that every machine sees.
+        parts: folder on storage that all machines share, under the same path on each.
+        camera: as in `measure`.
+        detector: as in `measure`.
+        model: as in `measure`.
+        model_family: as in `measure`.
+        engine: `local`, or `ray` (needs the extra `ray`).
+        address: address of a running Ray cluster; None starts one on this machine.
+        workers: number of tasks at a time, if no cluster is running already.
+        window_s: length in seconds of the windows that long recordings are cut into; 0 cuts none.
+        label: name of the run, to compare it with others.
+        strict: as in `measure`.
+        progress: as in `measure`.
+
+    Returns:
+        What became of each recording: `there` (before this run), `made`, `failed` and `damaged`.
+
+    Raises:
+        UsageError: an argument or a setting is unknown or impossible.
+        StadimeterError: with `strict`, the error of the first recording that failed.
+        MissingLibrary: Ray, or another library of an extra, is needed and not installed.
+
+    Warns:
+        DamageWarning: as in `measure`.
+    """
+    from pipeline.cluster.shared_run import run_shared
+
+    _check_workers(workers)
+    if address is not None and engine != "ray":
+        raise UsageError("an address belongs to the engine ray")
+    result = run_shared(
+        paths_of(recordings),
+        Path(parts),
+        _with_detector(config_of(camera), detector, model, model_family),
+        engine=engine,
+        address=address,
+        workers=workers,
+        window_s=window_s,
+        label=label,
+        report=report_of(progress),
+    )
+    if strict:
+        _be_strict(result.failed, result.damaged)
+    return result
+
+
+def estimate(db: PathLike, *, camera: Camera = None, label: str | None = None) -> Estimated:
+    """Estimate all stored recordings anew, with other calibrations or settings; no picture is read.
+
+    Args:
+        db: database that `measure` made.
+        camera: camera file, or a `Config`; None takes the defaults.
+        label: name of the new run, to compare it with others.
+
+    Raises:
+        StoreError: the database does not exist, or cannot be written.
+        UsageError: a setting is unknown or impossible.
+    """
+    from pipeline.run.recordings import estimate_again
+
+    return Estimated(*estimate_again(Path(db), config_of(camera), label))
+
+
+def _timelines(folder: Path) -> Timelines:
+    from dashboards.timeline.split import write_timelines  # heavy, and not always wanted
+    from pipeline.run.recording import Timelines
+
+    return Timelines(folder, write_timelines)
+
+
+def _check_workers(workers: int) -> None:
+    if workers < 1:
+        raise UsageError(f"the number of workers must be at least 1, not {workers}")
+
+
+def _with_detector(
+    config: Config, detector: str | None, model: PathLike | None, model_family: str | None
+) -> Config:
+    """Return a configuration in which given options of the detector override the camera file's."""
+    from pipeline.detect import check_detector
+
+    detect = config.detect
+    if model is not None:
+        if detector not in (None, "onnx"):
+            raise UsageError(f"a model goes with the detector onnx, not {detector}")
+        detect = replace(detect, method="onnx", model=str(model))
+    if model_family is not None:
+        detect = replace(detect, model_family=model_family)
+    if detector is not None:
+        detect = replace(detect, method=detector)
+    check_detector(detect)  # a wrong model is refused once, before hours of footage
+    return replace(config, detect=detect)
+
+
+def _be_strict(
+    failed: Sequence[Outcome] | Sequence[Finished], damaged: Sequence[Outcome] | Sequence[Finished]
+) -> None:
+    if damaged:
+        names = ", ".join(one.path.name for one in damaged)
+        warnings.warn(
+            f"a part of {names} was lost to damage; the table diagnostics says where",
+            DamageWarning,
+            stacklevel=3,
+        )
+    for one in failed:
+        raise one.error or StadimeterError(f"{one.path} could not be measured")
