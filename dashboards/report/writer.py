@@ -19,6 +19,7 @@ from dashboards.style import Z_95
 from dashboards.timeline.documents import POSE_TEXTS
 from pipeline import __version__
 from pipeline.core.errors import MissingLibrary
+from pipeline.core.extras import how_to_install
 from pipeline.core.files import whole_file
 from pipeline.estimate.methods import IN_ORDER
 from pipeline.store.database import Store
@@ -49,7 +50,7 @@ def _library() -> Callable[[ReportData], dict[str, Any]]:
     except ImportError as error:
         raise MissingLibrary(
             f"the report needs a library that is not installed: {error.name}",
-            remedy="Install stadimeter with its extra: pip install 'stadimeter[report]'",
+            remedy=how_to_install("report"),
         ) from error
     return _charts
 

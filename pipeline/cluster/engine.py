@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from pipeline.core.errors import MissingLibrary, StadimeterError
+from pipeline.core.extras import how_to_install
 from pipeline.parallel.processes import RETRIES, lost
 
 
@@ -79,7 +80,7 @@ def ray_engine(address: str | None, workers: int) -> Iterator[RayEngine]:
     except ImportError as error:
         raise MissingLibrary(
             "the engine ray needs a library that is not installed: ray",
-            remedy="Install stadimeter with its extra: pip install 'stadimeter[ray]'",
+            remedy=how_to_install("ray"),
         ) from error
     if address is not None:
         _knock(address)

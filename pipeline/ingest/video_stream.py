@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from pipeline.core.errors import MissingLibrary
+from pipeline.core.extras import how_to_install
 from pipeline.core.records import RawLayout
 from pipeline.messages.content import EncodedImage
 
@@ -115,7 +116,7 @@ class VideoStream(Generic[Item]):
         except ImportError as error:
             raise MissingLibrary(
                 f"a {self.codec} video stream needs the library av",
-                remedy="Install it with: pip install 'stadimeter[video]'",
+                remedy=how_to_install("video"),
             ) from error
         av.logging.set_level(av.logging.PANIC)  # what is wrong is told in the diagnostics
         self._error = av.error.FFmpegError

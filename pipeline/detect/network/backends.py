@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.core.errors import UnusableModel, UsageError, Where
+from pipeline.core.extras import how_to_install
 from pipeline.detect.network.onnx_file import OnnxFile, Tensor
 
 Array = npt.NDArray[np.generic]
@@ -51,7 +52,7 @@ def make_backend(name: str, file: OnnxFile) -> Backend:
     if name == "onnxruntime" and not installed:
         raise UsageError(
             "onnxruntime is not installed",
-            remedy="Install the extra: pip install 'stadimeter[onnx]'",
+            remedy=how_to_install("onnx"),
         )
     if name == "onnxruntime" or (name == "auto" and installed):
         return OnnxRuntime(file)
