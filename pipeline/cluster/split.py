@@ -71,6 +71,8 @@ def plan_windows(path: Path, config: Config, window_s: float) -> Plan | None:
         return None
     if any(kind_of(_info(c, summary)) in UNCUT for c in summary.channels.values()):
         return None
+    if not _is_in_order(summary, round(config.ingest.reorder_s * 1e9)):
+        return None
     start_ns = min(c.message_start_time for c in summary.chunk_indexes)
     end_ns = max(c.message_end_time for c in summary.chunk_indexes)
     if (end_ns - start_ns) / 1e9 < 1.5 * window_s:
@@ -81,6 +83,16 @@ def plan_windows(path: Path, config: Config, window_s: float) -> Plan | None:
     if notes.lost_data or count != summary.statistics.message_count:
         return None
     return Plan(file.content_sha256, cut(start_ns, end_ns, window_s))
+
+
+def _is_in_order(summary: Summary, tolerance_ns: int) -> bool:
+    """Return whether no chunk begins earlier than one before it ended, by more than a tolerance."""
+    newest_ns = 0
+    for chunk in sorted(summary.chunk_indexes, key=lambda c: c.chunk_start_offset):
+        if chunk.message_start_time < newest_ns - tolerance_ns:
+            return False
+        newest_ns = max(newest_ns, chunk.message_end_time)
+    return True
 
 
 def cut(start_ns: int, end_ns: int, window_s: float) -> tuple[Window, ...]:
@@ -134,6 +146,10 @@ class WindowFile(McapFile):
             raise DamagedRecording(
                 f"was changed while it was read: {error}", where=Where(self.path)
             ) from error
+
+    def messages_by_log_time(self, tolerance_ns: int = 0) -> Iterator[RawMessage]:
+        """Yield the same: only recordings in order are cut."""
+        return self.messages()
 
     def _messages(self) -> Iterator[RawMessage]:
         summary = _summary(self.path, self.limits)

@@ -109,7 +109,7 @@ class FrameAssembler:
         return self._images_refused + lost
 
     def __iter__(self) -> Generator[Frame, None, None]:
-        for raw in self.file.messages():
+        for raw in self.file.messages_by_log_time(self._look_ahead_ns):
             source = self._channels.source(raw)
             if source.decoder is not None or source.named:
                 self._take(source, raw)

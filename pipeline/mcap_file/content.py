@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -33,6 +34,7 @@ from pipeline.mcap_file.search import RecordSearch
 # A chunk of a few kilobytes can hold millions of empty records; not each of them is told.
 _BAD_RECORDS = 1000
 _CHUNK_HEAD_BYTES = 28  # times, size and CRC
+_LOG_TIME = struct.Struct("<Q")
 # First bytes of JPEG, PNG and WebP, which stand after a time, a name and a format.
 _PICTURE_HEADS = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"WEBPVP8")
 _PICTURE_REACH = 512
@@ -61,6 +63,7 @@ class Contents:
         self._topics = reading.topics
         self._repeats = Repeats(reading.source)
         self.proven_to = 0  # end of the last chunk whose CRC fits
+        self.in_log_order = False  # within each chunk
 
     def chunk(self, body: bytes | memoryview, offset: int) -> Iterator[RawMessage]:
         """Yield the messages of a chunk whose record starts at `offset`.
@@ -86,9 +89,13 @@ class Contents:
             data = repaired
         if chunk.compression:
             reading.work.unpack(len(data))
-        yield from self.records(
+        messages = self.records(
             memoryview(data), offset, span_ns, proven=bool(chunk.uncompressed_crc)
         )
+        if self.in_log_order and not _is_in_order(data):
+            yield from sorted(messages, key=_log_time)
+        else:
+            yield from messages
 
     def is_chunk(self, offset: int, length: int) -> bool:
         """Return whether the fields of a record of another opcode are a chunk's whose CRC fits."""
@@ -291,6 +298,25 @@ class Contents:
 def _looks_like_a_picture(content: bytes) -> bool:
     head = content[:_PICTURE_REACH]
     return any(mark in head for mark in _PICTURE_HEADS)
+
+
+def _log_time(message: RawMessage) -> int:
+    return message.log_time_ns
+
+
+def _is_in_order(data: bytes | memoryview) -> bool:
+    """Return whether no message of a chunk is older than one before it."""
+    newest, position, size, head = 0, 0, len(data), MESSAGE_HEAD.size
+    while position + FRAMING.size + head <= size:
+        opcode, length = FRAMING.unpack_from(data, position)
+        position += FRAMING.size
+        if opcode == Opcode.MESSAGE:
+            time_ns = _LOG_TIME.unpack_from(data, position + 6)[0]
+            if time_ns < newest:
+                return False
+            newest = time_ns
+        position += length
+    return True
 
 
 def _peek_in(data: memoryview) -> Callable[[int, int], bytes]:

@@ -1,4 +1,4 @@
-"""Reader from the bytes of an MCAP file to its messages, in file order, past damaged parts.
+"""Reader from the bytes of an MCAP file to its messages, past damaged parts.
 
 Evidence must not stop at the first damaged record. So the framing (one byte opcode, eight bytes
 length) is walked here, bounded by the size of the file; where it breaks, the next place at which
@@ -28,6 +28,7 @@ from pipeline.mcap_file.channels import ChannelInfo, Topics
 from pipeline.mcap_file.content import Contents, RawMessage
 from pipeline.mcap_file.ends import another_follows, check_counts, check_data_end, is_end
 from pipeline.mcap_file.forward_file import ForwardFile, regular_size
+from pipeline.mcap_file.log_order import Late, late_records, merged
 from pipeline.mcap_file.losses import MAX_TIME_NS, Losses, Note, record_name
 from pipeline.mcap_file.reading import Reading
 from pipeline.mcap_file.records import (
@@ -70,6 +71,7 @@ class McapFile:
         self._topics = Topics(limits, self._losses.tell)
         self._reading: Reading
         self._contents: Contents
+        self._late: set[int] = set()  # records that are read before their place is reached
         self._sha256 = ""
         self._metadata_bytes = 0
 
@@ -107,11 +109,29 @@ class McapFile:
         Raises:
             NotARecording: the file is empty, or is no MCAP.
         """
+        yield from self._over_recordings(self._walk)
+
+    def messages_by_log_time(self, tolerance_ns: int = 0) -> Iterator[RawMessage]:
+        """Yield every message that can be read in the order of log times, whatever that of the file.
+
+        One chunk is held at once, and of chunks that come late those whose times overlap, up to
+        `limits.waiting_bytes`; what is more is given out of order, and told (`out_of_order`).
+
+        Args:
+            tolerance_ns: messages may come so much later than newer ones; what is late by less is
+                left where it stands, which saves reading it out of turn.
+
+        Raises:
+            NotARecording: the file is empty, or is no MCAP.
+        """
+        yield from self._over_recordings(lambda: self._ordered_walk(tolerance_ns))
+
+    def _over_recordings(self, walk: Callable[[], Iterator[RawMessage]]) -> Iterator[RawMessage]:
         with ForwardFile(self.path) as source:
             self._begin(source)
             try:
                 while True:
-                    yield from self._walk()
+                    yield from walk()
                     check_counts(self._reading)
                     if not another_follows(self._reading):
                         break
@@ -148,6 +168,31 @@ class McapFile:
             self._losses.newest_ns,
         )
         check_counts(self._reading)
+
+    def _ordered_walk(self, tolerance_ns: int) -> Iterator[RawMessage]:
+        reading = self._reading
+        self._contents.in_log_order = True
+        late = late_records(reading.source, reading.search, reading.work, tolerance_ns)
+        self._late = {record.offset for record in late}
+        yield from merged(
+            self._walk(), late, self._read_late, self.limits.waiting_bytes, self._tell_disorder
+        )
+
+    def _read_late(self, record: Late) -> Iterator[RawMessage]:
+        """Yield the messages of a record that is read before its place in the file is reached."""
+        if record.length > self.limits.record_bytes:
+            self._late.discard(record.offset)  # it is told in its place
+            return
+        body = self._reading.source.peek(record.start, record.length)
+        try:
+            yield from self._record(record.opcode, body, record.offset)
+        except Malformed as error:
+            self._losses.damaged_record(record.opcode, record.offset, error)
+
+    def _tell_disorder(self, offset: int) -> None:
+        text = "messages are so far out of order that they were not all sorted; the limit is "
+        text += f"limits.waiting_bytes, {self.limits.waiting_bytes:,}"
+        self._losses.tell(Severity.WARNING, "out_of_order", text, offset)
 
     # The walk over the records outside of chunks
 
@@ -186,6 +231,10 @@ class McapFile:
                 continue
             if length > self.limits.record_bytes:
                 self._oversized(opcode, offset, length)
+                continue
+            if offset in self._late:
+                source.skip_to(source.position + length)
+                unsure_from, chunk_to = offset, source.position
                 continue
             body = source.read(length)
             if len(body) < length:

@@ -38,7 +38,7 @@ class Repeats:
         """
         places = self._places.setdefault(hash((head, length)), [])
         for before, size in places:
-            if before < start and size == length and self._equal(before, start, length):
+            if before != start and size == length and self._equal(before, start, length):
                 return before
         if not any(before == start for before, _ in places):
             places.append((start, length))
