@@ -36,7 +36,7 @@ class Late(NamedTuple):
 
     @property
     def offset(self) -> int:
-        """Where its record starts."""
+        """Offset at which its record starts."""
         return self.start - FRAMING.size
 
 
