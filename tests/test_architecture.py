@@ -44,26 +44,6 @@ MOST_FILES = 20
 
 QUESTION = re.compile(r"(Where|What|Which|Who|Whom|Whose|How|Whether|When|Why)\b")
 
-# Temporary exceptions, each with the change that removes it.
-ALLOWED_ARROWS: set[tuple[str, str]] = set()
-# Folders that still have docstrings beginning with a question word: mended with their own changes.
-STILL_ASKING = (
-    *(
-        f"pipeline/{stage}/"
-        for stage in (
-            "core",
-            "detect",
-            "images",
-            "importing",
-            "ingest",
-            "measure",
-            "messages",
-            "track",
-        )
-    ),
-    "pipeline/summary.py",
-)
-
 
 def _room(module: str) -> str | None:
     """Innermost room that a module (or a name in one) belongs to; None outside the project."""
@@ -117,11 +97,7 @@ def _arrows(package: str) -> Iterator[tuple[str, str, str]]:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_imports_run_down(package):
-    wrong = [
-        place
-        for source, target, place in _arrows(package)
-        if FLOOR[target] >= FLOOR[source] and (source, target) not in ALLOWED_ARROWS
-    ]
+    wrong = [place for source, target, place in _arrows(package) if FLOOR[target] >= FLOOR[source]]
     assert not wrong, "these run up, or sideways on one floor:\n" + "\n".join(wrong)
 
 
@@ -130,9 +106,7 @@ def test_only_the_faces_import_dashboards(package):
     wrong = [
         place
         for source, target, place in _arrows(package)
-        if target == "dashboards"
-        and source not in SHOW_PICTURES
-        and (source, target) not in ALLOWED_ARROWS
+        if target == "dashboards" and source not in SHOW_PICTURES
     ]
     assert not wrong, "\n".join(wrong)
 
@@ -196,8 +170,6 @@ def test_docstrings_begin_with_a_noun_or_a_verb(package):
     wrong = []
     for path, tree in _files(package):
         name = str(path.relative_to(ROOT))
-        if name.startswith(STILL_ASKING):
-            continue
         for node in ast.walk(tree):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
                 text = ast.get_docstring(node) or ""

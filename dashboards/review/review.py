@@ -256,7 +256,7 @@ def open_review(
             say(f"          from another machine first: ssh {tunnels} HOST")
         else:
             go_to_moment(running.client(), written)
-        say("          Ctrl-C ends the viewer, which nobody else can reach")
+        say("          Ctrl-C ends the viewer, which only this machine can reach")
         with suppress(KeyboardInterrupt):
             if running.process.wait() > 0:
                 running.client()  # raises, and says why it ended

@@ -1,4 +1,4 @@
-"""Finding what turns pixels into metres: from truth, or from people who walk.
+"""Calibration, which turns pixels into metres: from truth, or from people who walk.
 
 from_truth:   k by aperture, one object size, Eq. 17 and size priors, from observations with truth
 regression:   linear fits with standard errors, robust fits, and their errors out of sample

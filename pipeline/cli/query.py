@@ -70,7 +70,7 @@ def answer(
 
 
 def write_csv(table: pa.Table, stream: TextIO) -> None:
-    """Write a header line and a line a row; nothing for NULL."""
+    """Write a header line and a line for each row; nothing for NULL."""
     import pyarrow as pa
     import pyarrow.csv
 

@@ -48,7 +48,7 @@ class RayEngine:
 
 
 def _knock(address: str) -> None:
-    """Refuse an address where nobody answers: Ray would go on trying for minutes."""
+    """Refuse an address that does not answer: Ray would go on trying for minutes."""
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if not colon or not port.isdigit():
         return  # "auto", and names that Ray understands

@@ -1,4 +1,4 @@
-"""A folder of finished recordings, asked with the same SQL as a database, or put into one.
+"""A folder of finished recordings, queried with the same SQL as a database, or merged into one.
 
 The tables become views over Parquet files, with the same names, columns and comments; functions and
 views of `schemas/sql` are applied to them unchanged.

@@ -274,7 +274,7 @@ class Config:
 
     @property
     def stature(self) -> SizePrior | None:
-        """The prior on the height of who walks: that of people, else the first on any height."""
+        """The prior on the height of walkers: that of people, else the first on any height."""
         heights = [p for p in self.size_prior if p.dimension is Dimension.HEIGHT]
         people = [p for p in heights if p.object_class == ADULT.object_class]
         return next(iter(people + heights), None)

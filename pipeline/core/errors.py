@@ -79,7 +79,7 @@ class DamagedRecording(StadimeterError):
 
 
 class RecordingFailed(StadimeterError):
-    """A recording cannot be worked, for a reason that nobody foresaw."""
+    """A recording cannot be processed, for an unexpected reason."""
 
 
 class UnsupportedChannel(StadimeterError):
@@ -87,7 +87,7 @@ class UnsupportedChannel(StadimeterError):
 
 
 class CalibrationUndetermined(StadimeterError):
-    """The data do not determine the calibration that was asked for."""
+    """The data do not determine the requested calibration."""
 
 
 class StoreError(StadimeterError):

@@ -1,4 +1,4 @@
-"""Recorded detections, taken at their word."""
+"""Detector that returns the detections of the recording, unchanged."""
 
 from __future__ import annotations
 

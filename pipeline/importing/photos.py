@@ -211,7 +211,7 @@ def _turned(image: bytes, photo: Photo) -> bytes:
 
 
 def _remarks(photos: list[Photo]) -> list[str]:
-    """Return a sentence for whatever was assumed of photos, and for each refused value."""
+    """Return a sentence for each assumption about photos, and for each refused value."""
     remarks = [f"{p.path.name}: {sentence}" for p in photos for sentence in p.refused]
     assumed = sum(p.time_source == "EXIF, zone assumed" for p in photos)
     if assumed:

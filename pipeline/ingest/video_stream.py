@@ -54,7 +54,7 @@ class Out(NamedTuple, Generic[Item]):
 
 
 class VideoStream(Generic[Item]):
-    """Decodes one stream. An `Item` is whatever belongs to a packet.
+    """Decodes one stream. An `Item` is any value that belongs to a packet.
 
     Raises:
         MissingLibrary: `av` is not installed.
@@ -170,7 +170,7 @@ class VideoStream(Generic[Item]):
         return self._without(item, times, problem)
 
     def _fail(self, problem: str) -> Iterator[Out[Item]]:
-        """Tell that whatever was sent and not shown is lost."""
+        """Tell that all packets sent and not shown are lost."""
         self._waiting_for_key = True
         for number in sorted(self._sent):
             yield self._lost(number, problem)

@@ -1,4 +1,4 @@
-"""JSON: one object a message."""
+"""JSON: one object for each message."""
 
 from __future__ import annotations
 

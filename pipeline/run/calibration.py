@@ -125,7 +125,7 @@ class Found:
 def calibrate_stored_walkers(
     database: Path, camera_file: Path, config: Config, known: KnownLengths = NOTHING_KNOWN
 ) -> list[tuple[str, Found | CalibrationUndetermined]]:
-    """Find the pose of every camera from who walked before it, all its recordings taken together.
+    """Find the pose of every camera from the people who walked before it, in all its recordings together.
 
     Returns the pose of each camera, or why it is not determined; what was found is written.
 
@@ -136,7 +136,7 @@ def calibrate_stored_walkers(
     """
     if config.stature is None:
         raise CalibrationUndetermined(
-            "the camera file has no size_prior on the height of those who walk",
+            "the camera file has no size_prior on the height of people",
             remedy="Add one, or leave out size_prior for that of adults",
         )
     results: list[tuple[str, Found | CalibrationUndetermined]] = []
@@ -266,7 +266,7 @@ def _people(camera: StoredCamera, tracks: pa.Table, known: KnownLengths) -> Meas
     measured = camera.people(tracks, [person.track_id for person in known.heights])
     if measured is None:
         raise CalibrationUndetermined(
-            "nobody walks before the camera", remedy="Give its pose, or a recording with people"
+            "no people walk before the camera", remedy="Give its pose, or a recording with people"
         )
     return measured
 

@@ -1,4 +1,4 @@
-"""Pass 1: the pixels of one recording, touched once. Out come columns; no picture is needed again.
+"""Pass 1: the pixels of one recording, read once, become columns; no picture is needed again.
 
 ingest (a thread, ahead) -> decode (threads, ahead) -> detect -> track -> measure -> Parquet parts
 """

@@ -70,7 +70,7 @@ class Outcome:
 def attempt(
     path: Path, task: Callable[P, T], *arguments: P.args, **named: P.kwargs
 ) -> T | StadimeterError:
-    """Do a task of one recording; return what goes wrong, whatever it is, as an error of this file.
+    """Do a task of one recording; return any error as an error of this file.
 
     All work on recordings goes through here, in one process, in several and on a cluster.
     """

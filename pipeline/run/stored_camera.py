@@ -41,7 +41,7 @@ class StoredCamera:
         return measured_of(own, self.row, self.plane, others)
 
     def people(self, tracks: pa.Table, besides: Sequence[int] = ()) -> Measured | None:
-        """Read the tracks that tell the pose, None if nobody is there.
+        """Read the tracks that determine the pose; None if there are no people.
 
         Args:
             tracks: the camera's rows of `track_rows.tracks_of`, for the class of those who walk.

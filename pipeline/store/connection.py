@@ -77,7 +77,7 @@ def _explained(text: str, where: Where) -> StoreError:
         return StoreError(
             f"{who} has the database open",
             where=where,
-            remedy="Wait until it ends, or end it; many may read, but who writes must be alone",
+            remedy="Wait until it ends, or end it; many processes can read, but only one can write",
         )
     if "different configuration" in text:
         return StoreError(

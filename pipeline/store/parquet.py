@@ -1,4 +1,4 @@
-"""Rows of a whole recording as Parquet files, a file a table, and back into a database unchanged."""
+"""Rows of a whole recording as Parquet files, one for each table, and back into a database unchanged."""
 # ruff: noqa: S608  (the text that is put into SQL is names of our own tables and columns)
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The Kalman filter of all tracks at once, as rows of one array: a column a track.
+"""The Kalman filter of all tracks at once, as rows of one array with a column for each track.
 
 The state is foot point, height and width in pixels, with the velocity of the foot point. Nothing in the
 model couples the four: x, y, height and width keep a filter each, whose update is a division, not the

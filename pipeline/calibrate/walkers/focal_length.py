@@ -266,7 +266,7 @@ def _fit_alike(
     usual: float = 0.0,
     before: OptimizeResult | None = None,
 ) -> tuple[Sample, OptimizeResult]:
-    """Fit, leave out whom the fit shows not to be one grown person, and fit again."""
+    """Fit, leave out the tracks that the fit shows not to be one adult person, and fit again."""
     for turn in range(MAX_REJECTIONS + 1):
         scale = scale_of(sample, prior, known, measured, uprights)
         pace = pace_of(sample, before)

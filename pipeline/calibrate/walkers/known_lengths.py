@@ -58,7 +58,7 @@ def check_known(known: KnownLengths, measured: Measured) -> None:
         if not (measured.track_id == person.track_id).any():
             raise UsageError(f"there is no track {person.track_id} of camera {measured.camera!r}")
         if not (0.2 < person.height_m < 3.0 and person.std_m > 0):
-            raise UsageError(f"nobody is {person.height_m} m tall")
+            raise UsageError(f"no person is {person.height_m} m tall")
     for distance in known.distances:
         if not (distance.distance_m > 0 and np.ptp(distance.points_px, axis=0).max() > 1):
             raise UsageError("a known distance needs two points that are apart, and its length")

@@ -79,7 +79,7 @@ class WalkersReport:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A pose that was fitted to walkers, and to whom of them."""
+    """A pose fitted to walkers, and the tracks that were used."""
 
     measured: Measured
     sample: Sample
@@ -172,7 +172,7 @@ def _fit_alike(
     before: OptimizeResult | None = None,
     uprights: Uprights = NO_UPRIGHTS,
 ) -> tuple[Sample, OptimizeResult]:
-    """Fit, leave out whom the fit shows not to be one grown person, and fit again."""
+    """Fit, leave out the tracks that the fit shows not to be one adult person, and fit again."""
     scale = scale_of(sample, prior, known, measured, uprights)
     best = best_fit(sample, scale, before)
     for _ in range(MAX_REJECTIONS):

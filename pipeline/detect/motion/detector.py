@@ -100,7 +100,7 @@ class MotionDetector:
             self._teach(self._silhouettes(seen), seen)
 
     def _fill_holes(self, soft: Sequence[Image]) -> None:
-        """Take those out of the background who stood there for most of the time, but not for all.
+        """Remove people from the background who stood there for most of the time, but not for all.
 
         They are missing in some part of the time, and leave a hole there.
         """
@@ -193,7 +193,7 @@ class MotionDetector:
         return Silhouettes(pieces, boxes[inside & ~doubt])
 
     def _teach(self, found: Silhouettes, seen: Foreground) -> None:
-        """Learn how tall people are from those of whom all is seen."""
+        """Learn the height of people in the picture from those who are wholly seen."""
         self._people.learn(found.whole)
 
     def _tighten(

@@ -106,7 +106,7 @@ def split_groups(boxes: BoxArray, mask: Image, scale: PersonScale, known: Known 
 def _with_feet(
     boxes: BoxArray, inside: BoolArray, known: Known, scale: PersonScale, rows: int
 ) -> Pieces:
-    """Return silhouettes down to the feet of whom is known, where something hides them.
+    """Return silhouettes extended to the feet of a known person, where something hides them.
 
     A parked car or a bench does, or trousers of the ground's colour. The head must be where it is
     expected: who sits down is shorter, and not hidden.
@@ -128,7 +128,7 @@ def _with_feet(
 
 
 def _likely(known: Known, scale: PersonScale, rows: int) -> BoolArray:
-    """Return who was as tall as a person is there: no parts of people, and no groups, (k,).
+    """Return which ones were as tall as a person is there: no parts of people, and no groups, (k,).
 
     Whom the picture's edge cuts is as tall as what is seen of them.
     """

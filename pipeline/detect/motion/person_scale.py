@@ -237,6 +237,6 @@ def _joining(one: list[int], other: list[int], scale: PersonScale) -> float:
 
 
 def _is_part(box: list[int], scale: PersonScale) -> bool:
-    """Return whether a box is too short for a person there; who is whole is no part."""
+    """Return whether a box is too short for a person there; a whole person is no part."""
     tall = scale.tall_at(box[3], (box[0] + box[2]) / 2)
     return math.isnan(tall) or box[3] - box[1] < PART * tall

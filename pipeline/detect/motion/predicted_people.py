@@ -72,7 +72,7 @@ class Place(NamedTuple):
 
 
 def place(full: Image, rest: Image, column: float, foot: float, tall: float) -> Place | None:
-    """Return where somebody known is in a silhouette; None if too little of them shows.
+    """Return the place of a known person in a silhouette; None if too little of them shows.
 
     Args:
         full: 255 where the silhouette is.
@@ -101,7 +101,7 @@ def place(full: Image, rest: Image, column: float, foot: float, tall: float) -> 
 
 
 def _axis(rest: Image, column: float, foot: float, tall: float) -> int | None:
-    """Return the column of head and trunk near where it must be; None if nobody is there."""
+    """Return the column of head and trunk near the predicted one; None if no person is there."""
     high = max(round(foot - tall), 0)
     low = max(round(foot - HIGHER_THAN_FEET * tall), 0)
     first = max(round(column - STEP * tall), 0)

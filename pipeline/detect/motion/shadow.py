@@ -171,7 +171,7 @@ class ShadowLight:
         return shaped
 
     def unshaded(self, picture: Image, background: Image) -> Image:
-        """Return how pixels (h, w, 3) differ from the background in whatever shade explains them best.
+        """Return the differences of pixels (h, w, 3) from the background in the shade that fits best.
 
         The shade is a share t of what the shadow takes away: factors 1 - t (1 - f) on each channel, t
         being the least-squares one of each pixel.

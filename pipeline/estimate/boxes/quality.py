@@ -101,7 +101,7 @@ class AgainstTrack:
 
     @property
     def crowded(self) -> BoolArray:
-        """True for a box that holds somebody else, (n,)."""
+        """True for a box that holds another person too, (n,)."""
         return np.asarray(self.off > NOT_ALONE)
 
 

@@ -1,4 +1,4 @@
-"""Heights along tracks, smoothed: who bends or sits down takes a second, the ends of a box jump.
+"""Smoothed heights along tracks: a person takes a second to bend or sit down, the ends of a box jump.
 
 A frame's height is its box's, and boxes of small silhouettes are off by a pixel, by more beside shadows
 or where somebody passes behind. It is smoothed as positions are, a body being no quicker up and down than

@@ -1,4 +1,4 @@
-"""Choice of objects whose blur can tell their depth, by lens data, before a pixel is touched.
+"""Choice of objects whose blur can tell their depth, by lens data, before a pixel is read.
 
 A surveillance camera's blur does not change over the depths at which people stand before it. Then
 nothing is decoded at full size and nothing is measured.
