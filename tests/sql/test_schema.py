@@ -1,4 +1,4 @@
-"""The SQL files say what records.py says, explain every column, and load in any order of names."""
+"""SQL files agree with core/tables.py, explain every column, and load in any order of names."""
 
 from __future__ import annotations
 
