@@ -24,7 +24,7 @@ FLOORS: dict[int, tuple[str, ...]] = {
     7: ("pipeline.cluster",),
     6: ("pipeline.run",),
     5: ("pipeline.calibrate", "pipeline.export", "pipeline.importing", "dashboards"),
-    4: ("pipeline.ingest", "pipeline.estimate"),
+    4: ("pipeline.ingest", "pipeline.estimate", "pipeline.truth"),
     3: ("pipeline.messages", "pipeline.detect", "pipeline.measure"),
     2: (
         "pipeline.mcap_file",

@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from pipeline.cluster.split import Window
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import TrackConfig
-from pipeline.core.tables import CAMERAS, DIAGNOSTICS, GROUND_TRUTH, PASS_ONE, TRACKS
+from pipeline.core.tables import CAMERAS, DIAGNOSTICS, GROUND_TRUTH, PARTS, TRACKS
 from pipeline.store.parquet_parts import PartWriter
 
 # Boxes of one object in one frame, found twice, share nearly all of their area.
@@ -84,7 +84,10 @@ def _read(folder: Path, table: str) -> pd.DataFrame:
 
 
 def _table(name: str, rows: pd.DataFrame) -> pa.Table:
-    schema = PASS_ONE[name]
+    schema = PARTS[name]
+    for column in schema.names:
+        if column not in rows:
+            rows = rows.assign(**{column: None})
     return pa.Table.from_pandas(rows[schema.names], schema=schema, preserve_index=False)
 
 

@@ -119,6 +119,9 @@ class TrackConfig:
     coast_new_s: float = 0.5  # a track that is not confirmed yet is not worth waiting for
     min_count: int = 5  # fewer observations are noise: a bird, a flicker
     min_duration_s: float = 0.4  # or they all came at once
+    # Once all is seen, tracks are linked, gaps of up to a second filled, and boxes smoothed. Boxes that
+    # the recording or a region of interest gives are left as they are.
+    offline: bool = True
 
     def noisy(self, count: int, duration_s: float) -> bool:
         """Return whether a track was seen too seldom or too briefly to be an object."""

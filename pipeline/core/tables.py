@@ -75,6 +75,10 @@ TRACKS = _schema(
     ("first_time_ns", _I64),
     ("last_time_ns", _I64),
     ("observation_count", _I32),
+    ("filled_count", _I32),
+    ("looked_at_count", _I32),
+    ("confirmed_count", _I32),
+    ("verdict", _TEXT),
 )
 
 OBSERVATIONS = _schema(
@@ -104,7 +108,16 @@ OBSERVATIONS = _schema(
     ("blur_std_px", _F64),
     ("blur_edge_count", _I32),
     ("blur_reason", _TEXT),
+    ("measured", _BOOL),
+    ("confirmed", _BOOL),
+    ("raw_x_min_px", _F64),
+    ("raw_y_min_px", _F64),
+    ("raw_x_max_px", _F64),
+    ("raw_y_max_px", _F64),
 )
+
+# Observations on their way to the store: with colours, until tracks are linked by them.
+OBSERVED = OBSERVATIONS.append(pa.field("colours", pa.binary()))
 
 ESTIMATES = _schema(
     ("observation_index", _I32),
@@ -213,6 +226,9 @@ PASS_ONE = {
     "ground_truth": GROUND_TRUTH,
     "diagnostics": DIAGNOSTICS,
 }
+
+# Schemas of the parts that pass 1 leaves, by table.
+PARTS = PASS_ONE | {"observations": OBSERVED}
 
 # What pass 2 writes.
 PASS_TWO = {

@@ -19,6 +19,8 @@ if TYPE_CHECKING:  # the command line reads the table, and should not load numpy
     from pipeline.images.decode import Picture
 
 AUTO = "auto"
+# Detectors whose boxes are somebody's statement, and stay as they are.
+AS_GIVEN = ("recorded", "roi")
 
 
 class Detector(Protocol):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pyarrow as pa
 
 from pipeline.core.arrays import FloatArray
 from pipeline.images.decode import Picture
@@ -48,3 +49,18 @@ def colours(picture: Picture, bbox_xyxy_px: FloatArray) -> FloatArray:
     shares = seen.reshape(count, len(PARTS), bins).astype(np.float64)
     shares /= len(PARTS) * shares.sum(axis=2, keepdims=True)
     return np.asarray(np.sqrt(shares).reshape(count, COLOURS))
+
+
+def packed(shares: FloatArray) -> list[bytes | None]:
+    """Return colours (n, c) as a byte each, to be stored until tracks are linked."""
+    return [row.tobytes() for row in np.rint(255 * shares).astype(np.uint8)]
+
+
+def unpacked(column: pa.ChunkedArray) -> FloatArray:
+    """Return packed colours (n, c); NaN where there are none."""
+    found = np.full((len(column), COLOURS), np.nan)
+    known = np.flatnonzero(column.is_valid().to_numpy())
+    if len(known):
+        joined = b"".join(column.drop_null().to_pylist())
+        found[known] = np.frombuffer(joined, np.uint8).reshape(-1, COLOURS) / 255.0
+    return found

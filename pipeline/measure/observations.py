@@ -11,8 +11,9 @@ import pyarrow as pa
 
 from pipeline.core.arrays import NAN, BoolArray, FloatArray, IntArray
 from pipeline.core.records import Boxes, Frame
-from pipeline.core.tables import OBSERVATIONS
+from pipeline.core.tables import OBSERVED
 from pipeline.images.decode import Picture, relative_luminance_of
+from pipeline.measure.appearance import packed
 from pipeline.measure.blur.widths import Blur
 
 # A box that comes within this of the picture's edge, in pixels in which the detector works, is cut.
@@ -33,6 +34,8 @@ class Seen(NamedTuple):
     boxes: Boxes
     track_ids: IntArray
     luminance: FloatArray  # of each box, (n,)
+    colours: FloatArray | None = None  # of each box, (n, c), as `appearance.colours`
+    confirmed: FloatArray | None = None  # of each box, (n,): 1 or 0 by a network that looked
 
     def without_pixels(self) -> Seen:
         """Return the same without the bytes and the pixels of the picture, which are large."""
@@ -48,7 +51,7 @@ def observe(
     first_index: int,
     blurs: Sequence[Blur] | None = None,
 ) -> pa.Table:
-    """Return the observations of a batch of frames in the schema of the table `observations`.
+    """Return the observations of a batch of frames in the schema of the part `observations`.
 
     Args:
         seen: frames with boxes and track ids.
@@ -58,7 +61,7 @@ def observe(
     """
     with_boxes = [s for s in seen if len(s.boxes)]
     if not with_boxes:
-        return OBSERVATIONS.empty_table()
+        return OBSERVED.empty_table()
     counts = np.array([len(s.boxes) for s in with_boxes])
     bbox = np.concatenate([s.boxes.bbox_xyxy_px for s in with_boxes])
     std = np.concatenate([s.boxes.std_px for s in with_boxes])
@@ -77,15 +80,28 @@ def observe(
         "score": np.concatenate([s.boxes.score for s in with_boxes]),
         "occlusion": np.concatenate([_occlusion(s.boxes.bbox_xyxy_px) for s in with_boxes]),
         "luminance": np.concatenate([s.luminance for s in with_boxes]),
+        "measured": np.ones(total, dtype=np.bool_),
+        "confirmed": [c for s in with_boxes for c in _confirmed(s)],
+        "colours": [c for s in with_boxes for c in _packed(s)],
     }
     columns |= _blur(blurs, total)
     for side, name in enumerate(("x_min", "y_min", "x_max", "y_max")):
-        columns[f"{name}_px"] = bbox[:, side]
+        columns[f"{name}_px"] = columns[f"raw_{name}_px"] = bbox[:, side]
         columns[f"{name}_std_px"] = std[:, side]
     for side, name in enumerate(("left", "top", "right", "bottom")):
         columns[f"truncated_{name}"] = cut[:, side]
-    arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in OBSERVATIONS]
-    return pa.Table.from_arrays(arrays, schema=OBSERVATIONS)
+    arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in OBSERVED]
+    return pa.Table.from_arrays(arrays, schema=OBSERVED)
+
+
+def _confirmed(seen: Seen) -> list[bool | None]:
+    if seen.confirmed is None:
+        return [None] * len(seen.boxes)
+    return [bool(c) for c in seen.confirmed]
+
+
+def _packed(seen: Seen) -> list[bytes | None]:
+    return [None] * len(seen.boxes) if seen.colours is None else packed(seen.colours)
 
 
 def _size(picture: Picture | None) -> tuple[float, float, float]:

@@ -5,17 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
+from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
 from pipeline.core.lens import Lens, intrinsics_of, lens_of
-from pipeline.core.records import Diagnostic, Frame, Intrinsics, Severity
+from pipeline.core.records import Boxes, Diagnostic, Frame, Intrinsics, Severity
 from pipeline.core.timing import StageTimes
-from pipeline.detect import Detector, make_detector
+from pipeline.detect import AS_GIVEN, Detector, make_detector
 from pipeline.images.decode import Picture, decode
 from pipeline.images.raw import compressed
 from pipeline.ingest.plausibility import inside_picture
 from pipeline.ingest.pose import CameraPose
+from pipeline.measure.appearance import colours
 from pipeline.measure.background_lines import Backdrop
 from pipeline.measure.observations import Seen, luminance_inside
 from pipeline.track.tracker import Tracker
@@ -24,6 +26,8 @@ from pipeline.track.tracker import Tracker
 # wait, still encoded, in at most this much memory: fifteen seconds of 1080p at 25 frames/s and 400 KB.
 LEARNING_PICTURES = 25
 LEARNING_BYTES = 160 * 1024**2
+# A tracklet of half a second has a colour, and no frame rate makes it cost more.
+COLOURED_EVERY_S = 0.3
 # Stands for the size of pictures as long as none could be decoded.
 NO_SIZE = (0, 0)
 
@@ -57,6 +61,7 @@ class CameraStage:
         self._learning = self.detector.learning_s > 0
         self._waiting: list[Frame] = []
         self._held_bytes = 0
+        self._coloured_ns = -(1 << 62)
 
     def ready(self, frame: Frame) -> list[Frame]:
         """Return the frames that can go on: none while the detector's learning time lasts.
@@ -111,7 +116,18 @@ class CameraStage:
         with times.stage("track"):
             ids = self.tracker.update(frame.capture_time_ns, frame.frame_index, boxes)
         with times.stage("measure"):
-            return Seen(frame, picture, boxes, ids, luminance_inside(picture, boxes))
+            light = luminance_inside(picture, boxes)
+            return Seen(frame, picture, boxes, ids, light, self._colours(frame, picture, boxes))
+
+    def _colours(self, frame: Frame, picture: Picture | None, boxes: Boxes) -> FloatArray | None:
+        """Return the colours of boxes, now and then: people keep their clothes."""
+        since_s = (frame.capture_time_ns - self._coloured_ns) / 1e9
+        if picture is None or not len(boxes) or 0 <= since_s < COLOURED_EVERY_S:
+            return None
+        if not self._config.track.offline or self.detector.name in AS_GIVEN:
+            return None
+        self._coloured_ns = frame.capture_time_ns
+        return colours(picture, boxes.bbox_xyxy_px)
 
     def _without_boxes_outside(self, item: Decoded) -> Decoded:
         """Leave out recorded boxes that lie outside of their picture, and say so."""

@@ -24,6 +24,7 @@ from pipeline.core.timing import StageTimes
 from pipeline.parallel.processes import tell
 from pipeline.run.pass_one import measure_recording
 from pipeline.run.pass_two import estimate_recording
+from pipeline.run.refined_tracks import refine_tracks
 from pipeline.store.database import Store
 from pipeline.store.parquet import write_rows
 from pipeline.store.recordings import RecordingRow, add_diagnostics, replace_recording
@@ -146,6 +147,8 @@ def stored_alone(
         folder: where the database lies meanwhile.
         roomy: true if much is read from it at once, as timelines do.
     """
+    with times.stage("track"):
+        refine_tracks(parts, config.track)
     with own_store(begun, folder, roomy=roomy) as store:
         with store.transaction():
             with times.stage("store"):

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.core.errors import StoreError, Where
-from pipeline.core.tables import PASS_ONE
+from pipeline.core.tables import PARTS
 
 # Rows that go to the disk together: each piece costs the file, and who writes or reads it, 10 kB of
 # description.
@@ -46,15 +46,18 @@ class PartWriter:
                     writer.close()
             return
         with _storing(self.folder):
-            for name in PASS_ONE:
+            for name in PARTS:
                 self._flush(name)  # a table without rows is a file without rows
             for writer in self._writers.values():
                 writer.close()
 
     def write(self, name: str, columns: pa.Table | Mapping[str, Sequence[Any]]) -> None:
         """Append rows to a table; NaN becomes null."""
-        schema = PASS_ONE[name]
-        table = columns if isinstance(columns, pa.Table) else as_table(columns, schema)
+        schema = PARTS[name]
+        if isinstance(columns, pa.Table):
+            table = _with_all_columns(columns, schema)
+        else:
+            table = as_table(columns, schema)
         waiting = self._waiting.setdefault(name, [])
         waiting.append(table)
         if sum(some.num_rows for some in waiting) >= ROWS_WRITTEN:
@@ -70,7 +73,7 @@ class PartWriter:
     def _writer(self, name: str) -> pq.ParquetWriter:
         if name not in self._writers:
             path = self.folder / f"{name}.parquet"
-            self._writers[name] = pq.ParquetWriter(path, PASS_ONE[name], compression="lz4")
+            self._writers[name] = pq.ParquetWriter(path, PARTS[name], compression="lz4")
         return self._writers[name]
 
 
@@ -87,7 +90,7 @@ def read_part(folder: Path, table: str) -> Iterator[pa.Table]:
         files = sorted(folder.glob(f"{table}-*.parquet"))
     if not files:
         raise StoreError(f"pass 1 left no {table}", where=Where(folder))
-    schema, waiting, count = PASS_ONE[table], list[pa.RecordBatch](), 0
+    schema, waiting, count = PARTS[table], list[pa.RecordBatch](), 0
     for path in files:
         with pq.ParquetFile(path) as file:
             for batch in batches(file):
@@ -110,7 +113,15 @@ def batches(file: pq.ParquetFile) -> Iterator[pa.RecordBatch]:
 
 
 def _as_one(batches: list[pa.RecordBatch], schema: pa.Schema) -> pa.Table:
-    return pa.Table.from_batches(batches).select(schema.names).cast(schema)
+    return _with_all_columns(pa.Table.from_batches(batches), schema)
+
+
+def _with_all_columns(table: pa.Table, schema: pa.Schema) -> pa.Table:
+    """Return a table in this schema; columns that it lacks are null."""
+    for name in schema.names:
+        if name not in table.column_names:
+            table = table.append_column(name, pa.nulls(table.num_rows, schema.field(name).type))
+    return table.select(schema.names).cast(schema)
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from __future__ import annotations
 DECIMALS: dict[str, dict[str, int]] = {
     "observations": {
         **dict.fromkeys(("x_min_px", "y_min_px", "x_max_px", "y_max_px"), 3),
+        **dict.fromkeys(("raw_x_min_px", "raw_y_min_px", "raw_x_max_px", "raw_y_max_px"), 3),
         **dict.fromkeys(("x_min_std_px", "y_min_std_px", "x_max_std_px", "y_max_std_px"), 4),
         **dict.fromkeys(("blur_sigma_px", "blur_std_px"), 4),
         **dict.fromkeys(("score", "occlusion", "luminance"), 5),

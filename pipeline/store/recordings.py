@@ -32,6 +32,16 @@ _LENS_COLUMNS = (
     "distortion",
     "intrinsics_source",
 )
+# Observations of the tracks that lasted, of the class that their track was found to have.
+_JUDGED = """
+SELECT o.* REPLACE (
+    CASE WHEN t.verdict IN ('refused', 'implausible') THEN 'unknown' ELSE o.class_name END
+    AS class_name
+)
+FROM ({source}) AS o JOIN (
+    SELECT camera, track_id, verdict FROM tracks WHERE recording_id = ?
+) AS t USING (camera, track_id)
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +201,7 @@ def _insert_part(
         source = f"SELECT ? AS run_id, ? AS file_name, * FROM ({source})"
         values = [run_id, recording.path.name, recording_id]
     if table == "observations":
-        source += " SEMI JOIN (FROM tracks WHERE recording_id = ?) USING (camera, track_id)"
+        source = _JUDGED.format(source=source)
         values.append(recording_id)
     # They come by time already: to sort some at a time is enough, and needs the memory of some.
     if table in ROW_ORDER:

@@ -20,9 +20,7 @@ JUMP, JUMP_PER_S = 0.25, 2.4
 HEIGHT_JUMP = 0.3  # of the logarithm: half of a person has gone or come
 
 
-def overlapping(
-    frame: IntArray, bbox_xyxy_px: FloatArray, least: float = OVERLAP
-) -> BoolArray:
+def overlapping(frame: IntArray, bbox_xyxy_px: FloatArray, least: float = OVERLAP) -> BoolArray:
     """Return whether a box of the same frame shares `least` with each box, (n,).
 
     Rows are sorted by frame and left side, and compared with the next, the next but one, and so on.

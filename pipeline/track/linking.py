@@ -22,7 +22,9 @@ END_S = 1.0  # of a tracklet's end tell its speed
 # What a foot is off a straight way: the box's own error of two ends, and by the time between, for people
 # turn, stop and set off (0.6 body heights a second squared, `kalman.ACCELERATION_STD`).
 PLACE_STD, PLACE_STD_PER_S = 0.18, 0.35  # body heights
-UNKNOWN_SPEED = 3.0  # times as far, of an end too short to tell its speed, with a walker's 0.8 a second
+UNKNOWN_SPEED = (
+    3.0  # times as far, of an end too short to tell its speed, with a walker's 0.8 a second
+)
 FARTHEST, FARTHEST_PER_S = 0.4, 1.6  # body heights: nobody gets farther
 HEIGHT_STD = 0.10  # of the logarithm of the height beside what is usual there
 # Colours of one person in two places, and of two people, differ by this: the mean of 1 minus the
@@ -32,6 +34,8 @@ COLOUR_WEIGHT = 3.0  # in squared deviations at COLOUR_STD
 WAIT_COST_PER_S = 0.5
 # A link that costs more is none: so many squared deviations, of place, height and colour.
 NO_LINK = 8.0
+# Of the height: a child, half of a person or two in one box, which are to tell nothing of the others.
+UNUSUAL, FIT_STEPS = 0.15, 5
 TRUSTED = 10  # observations: of fewer, height and colour count less
 
 
@@ -122,23 +126,25 @@ def _usual_height(foot: FloatArray, tall: FloatArray, weight: IntArray) -> Float
     """
     base = np.column_stack([np.ones(len(foot)), foot - foot.mean(axis=0)])
     w = np.minimum(weight, TRUSTED) / TRUSTED / tall
-    fit = np.zeros(3)
-    for _ in range(5):
-        fit = np.linalg.lstsq(base * w[:, None], tall * w, rcond=None)[0]
-        off = np.abs(tall - base @ fit) / tall
-        w = np.minimum(weight, TRUSTED) / TRUSTED / tall / (1 + (off / 0.15) ** 2)
-    usual = base @ fit
+    usual: FloatArray = tall
+    for _ in range(FIT_STEPS):
+        usual = base @ np.linalg.lstsq(base * w[:, None], tall * w, rcond=None)[0]
+        off = np.abs(tall - usual) / tall
+        w = np.minimum(weight, TRUSTED) / TRUSTED / tall / (1 + (off / UNUSUAL) ** 2)
     return np.asarray(np.where(usual > 0.25 * np.median(tall), usual, np.median(tall)))
 
 
-def link(t: Tracklets, *, taken: BoolArray | None = None) -> IntArray:
+def link(t: Tracklets, begun: BoolArray, ended: BoolArray) -> IntArray:
     """Return the tracklet that continues each one, (t,); -1 where none does.
 
     Args:
         t: the tracklets.
-        taken: beginnings that are another's already, (t,).
+        begun: whether it is known already what a tracklet continues, or that it continues none, (t,).
+        ended: whether it is known already which continues a tracklet, (t,).
     """
-    one, other = _candidates(t, taken)
+    one, other = _candidates(t)
+    open_ = ~ended[one] & ~begun[other]
+    one, other = one[open_], other[open_]
     cost = _cost(t, one, other)
     good = cost < NO_LINK
     one, other, cost = one[good], other[good], cost[good]
@@ -147,7 +153,7 @@ def link(t: Tracklets, *, taken: BoolArray | None = None) -> IntArray:
         a, i = np.unique(one[rows], return_inverse=True)
         b, j = np.unique(other[rows], return_inverse=True)
         # Beside the pairs, each end may stay alone, at the cost of no link.
-        table = np.full((len(a), len(b) + len(a)), 4 * NO_LINK * (len(a) + 1))
+        table = np.full((len(a), len(b) + len(a)), 4 * NO_LINK * (len(a) + 1), dtype=np.float64)
         table[i, j] = cost[rows]
         table[np.arange(len(a)), len(b) + np.arange(len(a))] = NO_LINK
         chosen, column = linear_sum_assignment(table)
@@ -156,7 +162,7 @@ def link(t: Tracklets, *, taken: BoolArray | None = None) -> IntArray:
     return follows
 
 
-def _candidates(t: Tracklets, taken: BoolArray | None) -> tuple[IntArray, IntArray]:
+def _candidates(t: Tracklets) -> tuple[IntArray, IntArray]:
     """Return pairs of which the second begins after the first ends, but not too long after."""
     order = np.argsort(t.begin.time_s, kind="stable")
     begins = t.begin.time_s[order]
@@ -165,10 +171,7 @@ def _candidates(t: Tracklets, taken: BoolArray | None) -> tuple[IntArray, IntArr
     one = np.repeat(np.arange(len(low)), high - low)
     offset = np.arange(len(one)) - np.repeat(np.cumsum(high - low) - (high - low), high - low)
     other = order[np.repeat(low, high - low) + offset]
-    free = one != other
-    if taken is not None:
-        free &= ~taken[other]
-    return one[free], other[free]
+    return one[one != other], other[one != other]
 
 
 def _cost(t: Tracklets, one: IntArray, other: IntArray) -> FloatArray:

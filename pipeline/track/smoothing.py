@@ -7,15 +7,14 @@ their errors last differently long.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 
 from pipeline.core.arrays import BoolArray, FloatArray, IntArray
+from pipeline.track.rows import BoxRows
 
-# Standard deviations of the kernels. A step takes about 0.5 s: the sides of a box swing with it, its middle
-# does not, and the ends bob twice as fast. A walker who sets off or stops within 1.5 s
+# Standard deviations of the kernels. A step takes about 0.5 s: the sides of a box swing with it, its
+# middle does not, and the ends bob twice as fast. A walker who sets off or stops within 1.5 s
 # (`kalman.ACCELERATION_STD`) is 0.05 body heights off such a line after 0.45 s.
 CENTRE_S, END_S, SIZE_S = 0.45, 0.27, 0.68
 REACH = 3.0  # standard deviations: beyond it the kernel is below 1 % of its middle
@@ -26,34 +25,26 @@ ROBUST_STEPS = 2
 OUTLYING = 2.0  # median deviations (as standard deviations) at which a weight is one half
 SHORTEST = 5  # observations: fewer tell no line from its noise
 # Of the variance of a box's end so much is common to boxes half a second apart
-# (`pipeline.estimate.boxes.error_correlation`: 0.37 after an eighth of a second, 0.3 after half): averaging
-# neighbours leaves it.
+# (`pipeline.estimate.boxes.error_correlation`: 0.37 after an eighth of a second, 0.3 after half);
+# averaging neighbours leaves it.
 LASTING = 0.35
 # What is filled in may have been elsewhere: an acceleration of 0.6 body heights a second squared
 # (`kalman.ACCELERATION_STD`), bridged at both ends.
 FILLED_ACCELERATION = 0.6
+# Ends that nobody saw are known as well as those of somebody hidden (`motion.detector.UNSEEN_STD`).
+FILLED_STD = 0.07
 
 
 _Pairs = tuple[IntArray, IntArray, FloatArray, FloatArray]
 
 
-@dataclass(frozen=True, slots=True)
-class TrackRows:
-    """Boxes in order of track, then time: a structure of n-long arrays."""
-
-    track: IntArray
-    time_s: FloatArray
-    bbox_xyxy_px: FloatArray  # (n, 4)
-    std_px: FloatArray  # (n, 4)
-    measured: BoolArray  # False: filled in between two that were
-    person: BoolArray  # whether the shape is a person's
-    whole: BoolArray  # no side is cut by the picture's edge
-
-
-def smoothed(rows: TrackRows) -> tuple[FloatArray, FloatArray]:
+def smoothed(rows: BoxRows) -> tuple[FloatArray, FloatArray]:
     """Return boxes (n, 4) and their standard deviations (n, 4), smoothed along each track.
 
     Boxes that the picture cuts, and those of very short tracks, stay as they are.
+
+    Args:
+        rows: in order of track, then time.
     """
     box = rows.bbox_xyxy_px
     trusted = rows.measured & rows.whole
@@ -71,7 +62,7 @@ def smoothed(rows: TrackRows) -> tuple[FloatArray, FloatArray]:
     new = np.stack([centre - width / 2, top, centre + width / 2, bottom], axis=1)
     share = np.stack([side_share, end_share, side_share, end_share], axis=1)
     std = rows.std_px * np.sqrt(LASTING + (1 - LASTING) * np.minimum(share, 1.0))
-    std = np.hypot(std, (_bridged_px(rows) * tall)[:, None])
+    std = np.hypot(std, (_bridged(rows) * tall)[:, None])
     kept = changed & np.isfinite(new).all(axis=1) & (new[:, 3] > new[:, 1])
     # A short track's box that was filled in stays the straight line between its neighbours.
     return (
@@ -80,18 +71,22 @@ def smoothed(rows: TrackRows) -> tuple[FloatArray, FloatArray]:
     )
 
 
-def _bridged_px(rows: TrackRows) -> FloatArray:
-    """Return how far what was filled in may be off, in body heights: a t (T - t) / 2; else 0."""
+def _bridged(rows: BoxRows) -> FloatArray:
+    """Return how far what was filled in may be off, in body heights; 0 for what was measured.
+
+    Between two known places T apart, an acceleration a leads a t (T - t) / 2 off the straight line.
+    """
     time = pd.Series(np.where(rows.measured, rows.time_s, np.nan))
     since = rows.time_s - time.groupby(rows.track).ffill().to_numpy()
     until = time.groupby(rows.track).bfill().to_numpy() - rows.time_s
-    return np.asarray(np.nan_to_num(FILLED_ACCELERATION * since * until / 2))
+    off = np.hypot(FILLED_STD, np.nan_to_num(FILLED_ACCELERATION * since * until / 2))
+    return np.where(rows.measured, 0.0, off)
 
 
 class _Fit:
     """Local linear fits over the rows of each track."""
 
-    def __init__(self, rows: TrackRows, trusted: BoolArray) -> None:
+    def __init__(self, rows: BoxRows, trusted: BoolArray) -> None:
         self._track, self._time_s = rows.track, rows.time_s
         self._trusted = trusted.astype(np.float64)
         begins = np.diff(rows.track, prepend=rows.track[:1] - 1) != 0

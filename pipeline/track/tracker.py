@@ -100,6 +100,7 @@ class Tracker:
             if life.object_id is not None
             or not config.noisy(life.count, (life.last_time_ns - life.first_time_ns) / 1e9)
         ]
+        none = [None] * len(kept)
         return pa.table(
             {
                 "camera": [self._camera] * len(kept),
@@ -111,7 +112,9 @@ class Tracker:
                 "first_time_ns": [k.first_time_ns for k in kept],
                 "last_time_ns": [k.last_time_ns for k in kept],
                 "observation_count": [k.count for k in kept],
-            },
+            }
+            | dict.fromkeys(("filled_count", "looked_at_count", "confirmed_count"), none)
+            | {"verdict": none},
             schema=TRACKS,
         )
 

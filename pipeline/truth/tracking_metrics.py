@@ -47,7 +47,7 @@ class Labelled:
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """What adds up over recordings, at each of the overlaps, (19,) each, and at the usual one.
+    """Numbers that add up over recordings, at each of the overlaps, (19,) each, and at the usual one.
 
     `association` is the sum over true positives of the association accuracy A(c) of their pair of
     identities (Luiten 2021, Eq. 7), `localisation` that of their overlaps.
@@ -252,9 +252,7 @@ def _assigned(
     never = float(min(len(rows), len(columns)) + 1)
     chosen = linear_sum_assignment(np.where(allowed[part], 1.0 - overlap[part], never))
     return [
-        (rows[a], columns[b])
-        for a, b in zip(*chosen, strict=True)
-        if allowed[rows[a], columns[b]]
+        (rows[a], columns[b]) for a, b in zip(*chosen, strict=True) if allowed[rows[a], columns[b]]
     ]
 
 

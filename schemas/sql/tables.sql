@@ -187,7 +187,11 @@ CREATE TABLE IF NOT EXISTS tracks (
     last_frame_index  INTEGER NOT NULL,
     first_time_ns     BIGINT NOT NULL,
     last_time_ns      BIGINT NOT NULL,
-    observation_count INTEGER NOT NULL
+    observation_count INTEGER NOT NULL,
+    filled_count      INTEGER,
+    looked_at_count   INTEGER,
+    confirmed_count   INTEGER,
+    verdict           VARCHAR
 );
 COMMENT ON TABLE tracks IS 'One row for each object that was followed over frames.';
 COMMENT ON COLUMN tracks.recording_id IS 'The recording.';
@@ -200,6 +204,10 @@ COMMENT ON COLUMN tracks.last_frame_index IS 'Last frame in which it was seen.';
 COMMENT ON COLUMN tracks.first_time_ns IS 'Capture time of the first frame.';
 COMMENT ON COLUMN tracks.last_time_ns IS 'Capture time of the last frame.';
 COMMENT ON COLUMN tracks.observation_count IS 'Number of frames in which it was seen.';
+COMMENT ON COLUMN tracks.filled_count IS 'Number of frames in which it was not seen, but filled in: gaps of up to a second. NULL for tracks that the recording itself gives.';
+COMMENT ON COLUMN tracks.looked_at_count IS 'Number of its frames in which a network looked for people; NULL without a network.';
+COMMENT ON COLUMN tracks.confirmed_count IS 'Number of these in which the network found a person there.';
+COMMENT ON COLUMN tracks.verdict IS 'Decision on the class: confirmed or refused (by a network), implausible (too fast or too wide for a person), undecided (nothing tells). Refused and implausible tracks have the class unknown: no stature is assumed of them, and they tell nothing of the camera. NULL if the class is the word of the recording or of a network that found every box.';
 
 CREATE TABLE IF NOT EXISTS observations (
     recording_id      VARCHAR NOT NULL,
@@ -228,7 +236,13 @@ CREATE TABLE IF NOT EXISTS observations (
     blur_sigma_px     DOUBLE,
     blur_std_px       DOUBLE,
     blur_edge_count   INTEGER,
-    blur_reason       VARCHAR
+    blur_reason       VARCHAR,
+    measured          BOOLEAN,
+    confirmed         BOOLEAN,
+    raw_x_min_px      DOUBLE,
+    raw_y_min_px      DOUBLE,
+    raw_x_max_px      DOUBLE,
+    raw_y_max_px      DOUBLE
 );
 COMMENT ON TABLE observations IS 'One row for each object in each frame: the measurements of pass 1 in the picture.';
 COMMENT ON COLUMN observations.recording_id IS 'The recording.';
@@ -257,7 +271,13 @@ COMMENT ON COLUMN observations.luminance IS 'Mean relative luminance inside the 
 COMMENT ON COLUMN observations.blur_sigma_px IS 'Blur of the object''s edges: standard deviation of the spread of a step, pixels of the stored picture, the camera''s own softness included. NULL where it was not measured; blur_reason says why.';
 COMMENT ON COLUMN observations.blur_std_px IS 'Its standard deviation, from the differences between the object''s edges.';
 COMMENT ON COLUMN observations.blur_edge_count IS 'Number of edges that were used.';
-COMMENT ON COLUMN observations.blur_reason IS 'Reason for which there is no blur: lens_unknown (f-number, focal length, focus distance or pitch), unresolvable (at no possible depth would it be blurred more than by the lens itself, or its box is too small: its pixels were not read), no_edges, too_wide (blurred over too much of itself), motion, too_many (in one frame), no_picture.';
+COMMENT ON COLUMN observations.blur_reason IS 'Reason for which there is no blur: lens_unknown (f-number, focal length, focus distance or pitch), unresolvable (at no possible depth would it be blurred more than by the lens itself, or its box is too small: its pixels were not read), no_edges, too_wide (blurred over too much of itself), motion, too_many (in one frame), no_picture, not_measured (filled in).';
+COMMENT ON COLUMN observations.measured IS 'FALSE if the object was not found in this frame, but in frames up to a second before and after: the box is filled in between, and its deviations are wide.';
+COMMENT ON COLUMN observations.confirmed IS 'TRUE or FALSE if a network looked at this frame and found, or did not find, a person there; else NULL.';
+COMMENT ON COLUMN observations.raw_x_min_px IS 'Left edge of the box as the detector found it; x_min_px is smoothed along the track. NULL if it was filled in.';
+COMMENT ON COLUMN observations.raw_y_min_px IS 'Upper edge of the box as the detector found it.';
+COMMENT ON COLUMN observations.raw_x_max_px IS 'Right edge of the box as the detector found it.';
+COMMENT ON COLUMN observations.raw_y_max_px IS 'Lower edge of the box as the detector found it.';
 
 CREATE TABLE IF NOT EXISTS estimates (
     recording_id        VARCHAR NOT NULL,

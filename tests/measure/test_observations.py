@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.records import Boxes
-from pipeline.core.tables import OBSERVATIONS
+from pipeline.core.tables import OBSERVED
 from pipeline.images.decode import Picture
 from pipeline.measure.observations import Seen, luminance_inside, observe
 from tests.support.footage import frame
@@ -72,7 +72,7 @@ def test_brightness_is_that_of_the_pixels_inside() -> None:
 
 def test_a_frame_without_boxes_or_picture_gives_no_nonsense() -> None:
     empty = observe([seen([])], {"cam": "motion"}, 0)
-    assert empty.schema == OBSERVATIONS
+    assert empty.schema == OBSERVED
     assert empty.num_rows == 0
     table = observe([seen([[1, 2, 3, 4]])], {"cam": "motion"}, 0).to_pydict()
     assert table["luminance"] == [None]
