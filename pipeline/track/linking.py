@@ -52,7 +52,7 @@ class Ends:
 
 @dataclass(frozen=True, slots=True)
 class Tracklets:
-    """What is asked of each tracklet: a structure of t-long arrays."""
+    """Facts of each tracklet that links are judged by: a structure of t-long arrays."""
 
     begin: Ends
     end: Ends
