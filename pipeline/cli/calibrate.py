@@ -215,7 +215,7 @@ def print_poses(
         )
     if rows:
         header = ("camera", "height m (95 %)", "tilt degrees", "roll degrees", "focal length px")
-        print_rows("Poses from the people who walk, a recording each", header, rows)
+        print_rows("Poses from the people who walk, one for each recording", header, rows)
     return len(rows)
 
 
@@ -229,5 +229,5 @@ def print_blur_floors(
         rows.append([camera, size, result.source, f"{result.count:,}"])
     if rows:
         header = ("camera", "softness px (95 %)", "by", "observations")
-        print_rows("The cameras' own softness, without diffraction", header, rows)
+        print_rows("Blur of the cameras themselves, without diffraction", header, rows)
     return len(rows)

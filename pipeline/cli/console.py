@@ -60,10 +60,8 @@ def print_table(table: pa.Table, *, title: str | None = None, max_rows: int | No
         out.print(f"... {table.num_rows - shown.num_rows:,} more rows")
     if fitting < len(names):
         hidden = len(names) - fitting
-        out.print(
-            f"{hidden} more columns do not fit here; --csv, --json and --parquet have all, and"
-        )
-        out.print(f"SELECT chooses among them: {', '.join(names[fitting:])}")
+        out.print(f"{hidden} more columns do not fit here; --csv, --json and --parquet have all.")
+        out.print(f"For a SELECT: {', '.join(names[fitting:])}")
 
 
 def _fitting(names: Sequence[str], cells: Sequence[Sequence[str]], width: int) -> int:

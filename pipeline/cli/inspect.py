@@ -51,7 +51,7 @@ def print_survey(survey: Survey) -> None:
     for camera in survey.cameras:
         _print_camera(camera)
     if not survey.cameras:
-        out.print("no pictures that are read", style="yellow")
+        out.print("no pictures that can be read", style="yellow")
     for name, values in survey.metadata.items():
         pairs = ", ".join(f"{k} = {v}" for k, v in values.items())
         out.print(f"metadata {safe(name)}: {safe(pairs)}", soft_wrap=True)
@@ -65,7 +65,7 @@ def print_survey(survey: Survey) -> None:
     if not survey.is_whole:
         _print_quick(survey)
     elif not any(n.severity is not Severity.INFO for n in survey.notes):
-        out.print("no damage found; every CRC that the file has fits")
+        out.print("no damage found; every CRC in the file is correct")
 
 
 def _print_quick(survey: Survey) -> None:

@@ -163,7 +163,7 @@ def print_profile(result: RunResult) -> None:
                 ]
             )
         title = f"Stages of {outcome.path.name}: {frames:,} frames, mostly {times.slowest}"
-        print_rows(title, ("stage", "ms a frame", "of a processor", "s in all"), rows)
+        print_rows(title, ("stage", "ms per frame", "share of a processor", "total s"), rows)
 
 
 def print_shared(result: SharedResult, folder: Path) -> None:

@@ -99,7 +99,7 @@ def ray_engine(address: str | None, workers: int) -> Iterator[RayEngine]:
         )
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise StadimeterError(
-            f"no Ray cluster could be had at {address or 'this machine'}: {error}",
+            f"no Ray cluster could be started or reached at {address or 'this machine'}: {error}",
             remedy="`ray start` begins one; without --address a local one is started",
         ) from error
     try:

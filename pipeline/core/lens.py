@@ -114,7 +114,7 @@ def intrinsics_of(
             return fitted, "recording", _contradiction(fitted, lens) or _scaling(recorded, fitted)
         complaint = (
             f"the calibration is for {recorded.width_px}x{recorded.height_px}, the pictures are "
-            f"{width_px}x{height_px}, another shape; it was not used"
+            f"{width_px}x{height_px}, another aspect ratio; it was not used"
         )
     if math.isfinite(camera.fx_px):
         return (
@@ -182,7 +182,7 @@ def _scaling(recorded: Intrinsics, fitted: Intrinsics) -> str | None:
     (was_x, was_y), (is_x, is_y) = sizes
     return (
         f"the calibration is for {was_x}x{was_y}, the pictures are {is_x}x{is_y}; it was scaled, "
-        "which is right if the pictures were"
+        "which is correct only if the pictures were scaled too"
     )
 
 

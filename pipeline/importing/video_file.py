@@ -83,7 +83,7 @@ def import_video(
                 progress(count)
             if count == 0:
                 raise UnreadableVideo(
-                    "no frame could be read in the asked time",
+                    "no frame could be read in the requested time",
                     where=Where(video),
                     remedy="Check --from and --duration, or convert the video",
                 )

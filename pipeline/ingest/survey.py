@@ -105,8 +105,9 @@ class CameraSurvey:
         by_lens = {"focal_length_mm", "pixel_pitch_x_um"} <= set(known)
         if self.intrinsics is None and not by_lens and "focal_length_35mm_mm" not in known:
             lacks.append(
-                "no lens data (a calibration, or focal length and pixel pitch): distances can be told "
-                "only if enough people walk here to find the focal length; give them in a camera file"
+                "no lens data (a calibration, or focal length and pixel pitch): distances can be "
+                "estimated only if enough people walk here to find the focal length; give them in a "
+                "camera file"
             )
         return lacks
 

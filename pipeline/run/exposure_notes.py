@@ -14,13 +14,13 @@ _SAID = {
     "clipped": (
         Severity.INFO,
         "exposure_clipped",
-        "over 5 % of the pixels of these frames are black or white: their brightness says little",
+        "over 5 % of the pixels of these frames are black or white: their brightness is not reliable",
     ),
     "departs": (
         Severity.WARNING,
         "exposure_departs",
         "these frames are brighter or darker than their neighbours by up to {most:.1f} stops, and their "
-        "exposure data say otherwise: the data are not those of the picture",
+        "exposure data do not explain it: the data do not belong to the picture",
     ),
     "steps": (
         Severity.WARNING,

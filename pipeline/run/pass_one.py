@@ -167,7 +167,7 @@ class FirstPass:
             if stage.intrinsics is None:
                 text = (
                     "neither a calibration nor focal length and pixel pitch are known: "
-                    "distances can be told only if enough people walk here to find the focal "
+                    "distances can be estimated only if enough people walk here to find the focal "
                     "length; give lens data in a camera file"
                 )
                 self.notes.add(

@@ -143,7 +143,7 @@ def _describe_lens(camera: str, lens: FoundLens) -> Diagnostic:
         "focal_length_from_walkers",
         f"focal length from the people who walk: {lens.intrinsics.fx_px:.0f} ± {lens.std_px:.0f} px "
         "(one standard error); square pixels, the principal point in the middle and no distortion "
-        "are assumed. Lens data in a camera file would be surer",
+        "are assumed. Lens data in a camera file would be more precise",
         camera=camera,
     )
 

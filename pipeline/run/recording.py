@@ -88,7 +88,7 @@ def attempt(
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(last.filename).name}:{last.lineno}, in {last.name}"
         return RecordingFailed(
-            f"an error that was not foreseen: {type(error).__name__}: {error} ({place})",
+            f"an unexpected error: {type(error).__name__}: {error} ({place})",
             where=Where(path),
             remedy="Please report it with this line; other recordings are not affected",
         )

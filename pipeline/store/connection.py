@@ -81,7 +81,7 @@ def _explained(text: str, where: Where) -> StoreError:
         )
     if "different configuration" in text:
         return StoreError(
-            "is open in this process for reading or writing, and cannot be for the other",
+            "is already open in this process, for reading or for writing; it cannot be opened for both",
             where=where,
             remedy="Close it first",
         )

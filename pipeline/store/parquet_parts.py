@@ -130,7 +130,7 @@ def _storing(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise StoreError(
-            f"what was measured cannot be kept beside the database: {_reason(error)}",
+            f"the measurements cannot be stored beside the database: {_reason(error)}",
             where=Where(folder),
             remedy="Free some disk space, then run the same command again",
         ) from error

@@ -294,7 +294,7 @@ def _result(
     relative = float(np.sqrt(covariance[3, 3]))
     if not relative < MAX_FOCAL_ERROR:
         raise CalibrationUndetermined(
-            f"the tracks do not fix the focal length: {found_px:.0f} px ± {100 * relative:.0f} %, "
+            f"the tracks do not determine the focal length: {found_px:.0f} px ± {100 * relative:.0f} %, "
             f"at most {100 * MAX_FOCAL_ERROR:.0f} % is of use",
             remedy="Give fx_px, or focal_length_mm and pixel_pitch_x_um, in a camera file",
         )

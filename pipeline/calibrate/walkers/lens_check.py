@@ -70,7 +70,7 @@ class LensCheck:
         return Diagnostic(
             Severity.WARNING,
             "focal_length_contradicted",
-            f"the people who walk tell a focal length of {found_px:.0f} px ± {100 * self.std:.0f} % "
+            f"the people who walk indicate a focal length of {found_px:.0f} px ± {100 * self.std:.0f} % "
             f"(one standard error), {_SAID_BY.get(source, source)} says {self.known_px:.0f} px: depths "
             f"are off by as much as it is. {_REMEDY.get(source, 'Check it')}",
             camera=camera,

@@ -158,7 +158,7 @@ def check_determined(plane: GroundPlane) -> None:
     above_m, tilt = plane.camera_height_m, plane.tilt_rad
     if std[0] > MAX_HEIGHT_ERROR * above_m or std[1] > MAX_TILT_ERROR_RAD or tilt < 0:
         raise CalibrationUndetermined(
-            f"the tracks do not fix the camera's pose: height {above_m:.1f} ± {std[0]:.1f} m, "
+            f"the tracks do not determine the camera's pose: height {above_m:.1f} ± {std[0]:.1f} m, "
             f"tilt {np.rad2deg(tilt):.1f} ± {np.rad2deg(std[1]):.1f} degrees",
             remedy="Give camera_height_m and tilt_deg in a camera file, or a longer recording",
         )

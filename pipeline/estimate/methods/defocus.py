@@ -92,7 +92,7 @@ def estimate(geometry: Geometry, config: Config) -> Estimated:
     vergence, sweeps = _vergence(blur, m, camera)
     if sweeps is not None and sweeps.count:
         text = (
-            "the camera's own softness by what stood still while the aperture changed: "
+            "the camera's own blur, from objects that stood still while the aperture changed: "
             f"{np.sqrt(max(sweeps.floor_px2, 0.0)):.2f} +- {max(sweeps.floor_px_std, 0.01):.2f} px"
         )
         notes.append(_note(m, "blur_floor_from_sweep", text, sweeps.count))
@@ -102,7 +102,7 @@ def estimate(geometry: Geometry, config: Config) -> Estimated:
     if unknown.any():
         text = (
             "the blur fits a depth before the plane of focus and one behind it, and neither size nor "
-            "ground nor the track tell which: no depth"
+            "ground nor the track decides between them: no depth"
         )
         notes.append(_note(m, "branch_unknown", text, int(unknown.sum())))
     far = branch < 0

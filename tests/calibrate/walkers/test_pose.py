@@ -206,7 +206,7 @@ def test_people_at_one_spot_do_not_fix_a_pose() -> None:
     tall = np.median(m.bbox_xyxy_px[:, 3] - m.bbox_xyxy_px[:, 1])
     box = np.tile([600.0, 400.0 - tall, 640.0, 400.0], (len(m), 1))
     box += np.random.default_rng(0).normal(0, 1, box.shape)
-    with pytest.raises(CalibrationUndetermined, match="do not fix"):
+    with pytest.raises(CalibrationUndetermined, match="do not determine"):
         calibrate_from_walkers(replace(m, bbox_xyxy_px=box), ADULT)
 
 
