@@ -8,6 +8,7 @@ from pathlib import Path
 from dashboards.timeline.source import Span, read_source
 from dashboards.timeline.writer import TimelineOptions, write_timeline
 from pipeline.core.config import Config
+from pipeline.core.text import storable
 from pipeline.store.database import Store
 
 
@@ -20,14 +21,15 @@ def write_timelines(
         StadimeterError: a file cannot be written.
     """
     options = TimelineOptions(preview_px=config.timeline.preview_px)
+    stem = storable(file.stem)
     spans = list(spans_of(store, recording_id, config.timeline.split_s))
     if len(spans) <= 1:
-        target = folder / f"{file.stem}.rrd"
+        target = folder / f"{stem}.rrd"
         write_timeline(target, [read_source(store, recording_id, file, config)], options)
         return [target]
     written = []
     for number, span in enumerate(spans, start=1):
-        target = folder / f"{file.stem}.{number:03d}.rrd"
+        target = folder / f"{stem}.{number:03d}.rrd"
         source = read_source(store, recording_id, file, config, span)
         write_timeline(target, [source], options)
         written.append(target)

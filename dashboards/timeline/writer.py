@@ -51,6 +51,7 @@ from dashboards.timeline.source import Source
 from dashboards.timeline.stills import log_images, preview_scale
 from dashboards.timeline.stream import logged_markdown
 from pipeline.core.errors import StadimeterError, Where
+from pipeline.core.files import refuse_special, whole_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +81,7 @@ def write_timeline(
         [camera_view(rows) for own in cameras for rows in own],
         has_diagnostics=any(source.tables["diagnostics"].num_rows for source in sources),
     )
+    refuse_special(target, "the timeline")
     part = target.with_name(f"{target.name}.part")
     target.parent.mkdir(parents=True, exist_ok=True)
     stream = rr.RecordingStream(APPLICATION, recording_id=_identity(sources, options))
@@ -192,9 +194,8 @@ def _log_texts(
 
 
 def _save_layout(layout: Any, target: Path) -> None:
-    part = target.with_name(f"{target.name}.part")
-    layout.save(APPLICATION, str(part))
-    part.replace(target)
+    with whole_file(target, "the layout of the timeline") as part:
+        layout.save(APPLICATION, str(part))
 
 
 def _log_scene(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -26,6 +27,12 @@ LOG_WIDTH = 120  # of prose in a log; a table there is as wide as its columns
 TEXT_WIDTH = 80  # longer text in a table is folded
 CELL_FRAME = 3  # a border and a space on either side
 
+# The shell's `>&-`: what would be printed goes nowhere, and `main` says so.
+stdout_is_closed = sys.stdout is None
+if sys.stdout is None:
+    sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115  (kept while the process lives)
+if sys.stderr is None:
+    sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115
 out = Console(highlight=False, width=None if sys.stdout.isatty() else LOG_WIDTH)
 err = Console(stderr=True, highlight=False)
 _log_tables = Console(highlight=False, width=10_000)

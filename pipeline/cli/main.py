@@ -20,7 +20,7 @@ from pipeline.cli import (
     review,
     run,
 )
-from pipeline.cli.console import err, safe
+from pipeline.cli.console import err, safe, stdout_is_closed
 from pipeline.cli.exit_codes import DONE, FAILED, INTERRUPTED, USAGE
 from pipeline.core.errors import StadimeterError, UsageError
 
@@ -35,19 +35,29 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.command is None:
         parser.print_help()
         return USAGE
+    if stdout_is_closed:
+        err.print("stadimeter: standard output is closed; redirect it to a file or to /dev/null")
+        return FAILED
     try:
         code: int = arguments.function(arguments)
+        sys.stdout.flush()  # a full disk says so here, and not when nobody listens any more
     except StadimeterError as error:
         if arguments.debug:
             raise
         err.print(f"stadimeter: {safe(error)}", soft_wrap=True)
         return USAGE if isinstance(error, UsageError) else FAILED
-    except KeyboardInterrupt:
-        print("stadimeter: interrupted; what was committed is kept", file=sys.stderr)
-        return INTERRUPTED
     except BrokenPipeError:  # `stadimeter query ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
+    except OSError as error:
+        if arguments.debug:
+            raise
+        name = f"{error.filename}: " if error.filename is not None else ""
+        err.print(f"stadimeter: {safe(name)}{error.strerror or error}", soft_wrap=True)
+        return FAILED
+    except KeyboardInterrupt:
+        print("stadimeter: interrupted; what was committed is kept", file=sys.stderr)
+        return INTERRUPTED
     return code
 
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, TextIO
 from pipeline.cli.console import out, print_table, safe
 from pipeline.cli.exit_codes import DONE
 from pipeline.cli.options import Commands, add_database
-from pipeline.core.errors import UsageError, Where
+from pipeline.core.errors import UsageError
+from pipeline.core.files import whole_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -99,13 +100,9 @@ def write_parquet(table: pa.Table, path: Path) -> None:
     """Write a Parquet file.
 
     Raises:
-        UsageError: the file cannot be written.
+        StadimeterError: the file cannot be written.
     """
     import pyarrow.parquet as pq
 
-    try:
-        pq.write_table(table, path)
-    except OSError as error:
-        raise UsageError(
-            f"cannot be written: {error.strerror or error}", where=Where(path)
-        ) from error
+    with whole_file(path, "the table") as part:
+        pq.write_table(table, part)

@@ -131,7 +131,8 @@ def print_run(result: RunResult, database: Path) -> None:
         print_rows("Recordings", ("file", "frames", "lost", ""), rows)
     for outcome in result.failed:
         err.print(f"stadimeter: {safe(outcome.error)}", soft_wrap=True)
-    out.print(f"database  {safe(database)}", soft_wrap=True)
+    if result.stored:
+        out.print(f"database  {safe(database)}", soft_wrap=True)
     for outcome in result.outcomes:
         for timeline in outcome.timelines:
             out.print(f"timeline  {safe(timeline)}", soft_wrap=True)

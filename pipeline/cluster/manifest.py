@@ -87,7 +87,7 @@ class Manifest:
 
 def key_of_failure(source: Source) -> str:
     """Return the key of a file that is no recording."""
-    return "unread-" + hashlib.sha256(source.path.encode()).hexdigest()[:16]
+    return "unread-" + hashlib.sha256(os.fsencode(source.path)).hexdigest()[:16]
 
 
 def new_parts_folder(folder: Path, key: str) -> Path:

@@ -7,6 +7,7 @@ import math
 import os
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 from pipeline.core.calibration import Calibration
 from pipeline.core.config import CameraConfig, Config, read_config
 from pipeline.core.errors import UsageError, Where
+from pipeline.core.files import refuse_special
 
 # What tells one entry of an array of tables from another: a new one replaces the old one.
 _KEYS: Mapping[str, tuple[str, ...]] = {
@@ -35,6 +37,7 @@ def write_camera_file(path: Path, config: Config) -> None:
         UsageError: the existing file is not a camera file, or cannot be replaced; or a number that
             must be known is NaN.
     """
+    refuse_special(path, "the camera file")
     exists = path.exists()
     old = read_config(path) if exists else Config()
     merged = merge(old, config) if exists else config
@@ -53,7 +56,8 @@ def write_camera_file(path: Path, config: Config) -> None:
             f"cannot write the camera file: {error.strerror}", where=Where(path)
         ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def _reads_as(path: Path, config: Config) -> bool:

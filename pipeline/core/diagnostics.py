@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from pipeline.core.records import Diagnostic, Severity
 from pipeline.core.tables import DIAGNOSTICS
+from pipeline.core.text import storable
 
 # Different messages that one recording may leave; a damaged file must not fill the memory.
 MAX_KINDS = 10_000
@@ -56,7 +57,13 @@ class Notes:
 def diagnostics_table(notes: list[Diagnostic]) -> pa.Table:
     """Return the notes as rows of the table `diagnostics`."""
     columns = {
-        name: [getattr(n, name) for n in notes] for name in DIAGNOSTICS.names if name != "severity"
+        name: [_storable(getattr(n, name)) for n in notes]
+        for name in DIAGNOSTICS.names
+        if name != "severity"
     }
     columns["severity"] = [str(n.severity) for n in notes]
     return pa.table(columns, schema=DIAGNOSTICS)
+
+
+def _storable(value: object) -> object:
+    return storable(value) if isinstance(value, str) else value

@@ -94,6 +94,10 @@ class StoreError(StadimeterError):
     """The database cannot be opened, read or written."""
 
 
+class RowsRefused(StoreError):
+    """The rows of one recording cannot be stored; other recordings can."""
+
+
 class UndecodableImage(StadimeterError):
     """The bytes of a picture cannot be decoded, or claim more pixels than are allowed."""
 

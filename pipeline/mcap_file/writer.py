@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -14,6 +15,7 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
 
+from pipeline.core.files import refuse_special
 from pipeline.core.records import Intrinsics
 
 CHUNK_BYTES = 1 << 20  # JPEG does not compress further; a chunk is what one damage costs
@@ -32,6 +34,7 @@ class RecordingWriter:
 
     def __init__(self, path: Path, *, library: str = "stadimeter") -> None:
         self.path = path
+        refuse_special(path, "the recording")
         self._part = path.with_name(path.name + ".part")
         path.parent.mkdir(parents=True, exist_ok=True)
         self._stream = self._part.open("wb")
@@ -55,13 +58,17 @@ class RecordingWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if error is None:
-            self._writer.finish()
-        self._stream.close()
-        if error is None:
-            self._part.replace(self.path)
-        else:
-            self._part.unlink(missing_ok=True)
+        try:
+            if error is None:
+                self._writer.finish()
+            self._stream.close()
+            if error is None:
+                self._part.replace(self.path)
+        finally:  # nothing of it stays if it could not be finished
+            with suppress(OSError):
+                self._stream.close()
+            with suppress(OSError):
+                self._part.unlink(missing_ok=True)
 
     def write(self, topic: str, message: Message, log_time_ns: int) -> None:
         """Append a message; the first of a topic decides the topic's schema."""

@@ -17,11 +17,11 @@ from typing import ParamSpec, TypeVar
 import pyarrow.parquet as pq
 
 from pipeline.core.config import Config
-from pipeline.core.errors import RecordingFailed, StadimeterError, Where
+from pipeline.core.errors import RecordingFailed, RowsRefused, StadimeterError, Where
 from pipeline.core.progress import Progress
 from pipeline.core.records import Diagnostic, Severity
 from pipeline.core.timing import StageTimes
-from pipeline.parallel.processes import tell
+from pipeline.parallel.processes import WorkerLost, tell
 from pipeline.run.pass_one import measure_recording
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.refined_tracks import refine_tracks
@@ -84,7 +84,9 @@ def attempt(
         if error.filename is not None and str(error.filename) != str(path):
             return StadimeterError(f"{error.filename}: {reason}", where=Where(path))
         return StadimeterError(f"cannot be read: {reason}", where=Where(path))
-    except Exception as error:
+    except (KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except BaseException as error:  # a panic of a library in Rust is no Exception
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(last.filename).name}:{last.lineno}, in {last.name}"
         return RecordingFailed(
@@ -170,12 +172,18 @@ def _timelines(work: Work, timelines: Timelines, store: Store, outcome: Outcome)
 
 
 def add_failure(
-    store: Store, path: Path, error: StadimeterError, run_id: str, recording_id: str | None = None
+    store: Store,
+    path: Path,
+    error: StadimeterError,
+    run_id: str,
+    recording_id: str | None = None,
+    code_of_stored: str = "timeline_failed",
 ) -> None:
     """Commit the reason why there is nothing of a recording, or no timeline of a stored one."""
-    code = "recording_failed" if isinstance(error, RecordingFailed) else "unreadable_file"
+    refused = isinstance(error, RecordingFailed | RowsRefused | WorkerLost)
+    code = "recording_failed" if refused else "unreadable_file"
     if recording_id is not None:
-        code = "timeline_failed"
+        code = code_of_stored
     note = Diagnostic(Severity.ERROR, code, str(error))
     with store.transaction():
         add_diagnostics(store, [note], recording_id, run_id, path.name)

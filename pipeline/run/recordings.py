@@ -15,18 +15,20 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from pipeline import __version__
 from pipeline.core.config import Config
-from pipeline.core.errors import StoreError, Where
+from pipeline.core.errors import RowsRefused, StadimeterError, StoreError, Where
+from pipeline.core.files import check_folder
 from pipeline.core.progress import Progress, Report, silent
 from pipeline.parallel.processes import WorkerLost, local_engine
 from pipeline.run.pass_two import estimate_recording
-from pipeline.run.recording import Outcome, Timelines, Work, add_failure, work_alone
+from pipeline.run.recording import Outcome, Timelines, Work, add_failure, attempt, work_alone
 from pipeline.store.database import Store
 from pipeline.store.parquet import take_rows
 from pipeline.store.recordings import list_recordings, refuse_collision
@@ -87,11 +89,13 @@ def run(
     new = not database.exists()
     begun = begin(config, label)
     result = RunResult(begun.run_id)
+    if timelines is not None:  # told before the work and not after it
+        check_folder(timelines.folder, "timelines")
     processes = min(workers, len(paths))
     threads = 1 if processes > 1 else 2
     last = {path.stem: path for path in paths}  # a timeline has its recording's name
     with (
-        Store.hold(database) as store,
+        _held(database, result) as store,
         ThreadPoolExecutor(1) as aside,
         _folder_beside(database) as folder,
         local_engine(processes, report, [work_alone.__module__]) as engine,
@@ -133,7 +137,9 @@ def _prepare(store: Store, begun: Begun) -> None:
 
 
 def estimate_again(database: Path, config: Config, label: str | None) -> tuple[str, int]:
-    """Run pass 2 over all stored recordings as a new run; return its name and how many they are.
+    """Run pass 2 over all stored recordings as a new run; return its name and how many were done.
+
+    One that fails keeps the estimates that it has; the table `diagnostics` has the reason.
 
     Raises:
         StoreError: the database does not exist, or cannot be written.
@@ -145,11 +151,22 @@ def estimate_again(database: Path, config: Config, label: str | None) -> tuple[s
             store, "estimate", label, describe(config), library_versions(), __version__
         )
         rows = list_recordings(store).to_pylist()
+        failed = 0
         for row in rows:
-            with store.transaction():
-                estimate_recording(store, row["recording_id"], run_id, row["file_name"], config)
+            path = Path(row["path"])
+            found = attempt(path, _estimate_one, store, row, run_id, config)
+            if isinstance(found, StadimeterError):
+                if isinstance(found, StoreError) and not isinstance(found, RowsRefused):
+                    raise found
+                add_failure(store, path, found, run_id, row["recording_id"], "recording_failed")
+                failed += 1
         finish_run(store, run_id)
-    return run_id, len(rows)
+    return run_id, len(rows) - failed
+
+
+def _estimate_one(store: Store, row: dict[str, Any], run_id: str, config: Config) -> None:
+    with store.transaction():
+        estimate_recording(store, row["recording_id"], run_id, row["file_name"], config)
 
 
 def _take(store: Store, outcome: Outcome, run_id: str, taken: dict[str, int], place: int) -> None:
@@ -161,21 +178,38 @@ def _take(store: Store, outcome: Outcome, run_id: str, taken: dict[str, int], pl
     Raises:
         StoreError: there is no room for it; that is nothing that the recording could help.
     """
-    if isinstance(outcome.error, StoreError):
+    if isinstance(outcome.error, StoreError) and not isinstance(outcome.error, RowsRefused):
         raise outcome.error
     row = outcome.recording
     if row is not None and place > taken.get(row.recording_id, -1):
         try:
             refuse_collision(store, row)
-        except StoreError as error:
-            outcome.recording, outcome.error = None, error
-        else:
             with outcome.times.stage("store"), store.transaction():
                 take_rows(store, row.recording_id, outcome.files)
             taken[row.recording_id] = place
+        except RowsRefused as error:
+            outcome.recording, outcome.error = None, error
     if outcome.error is not None:
         stored = outcome.recording.recording_id if outcome.recording is not None else None
         add_failure(store, outcome.path, outcome.error, run_id, stored)
+
+
+@contextmanager
+def _held(database: Path, result: RunResult) -> Iterator[Store]:
+    """Give the database to write to; leave no new one in which there is no recording.
+
+    Only who holds it may take it away: it may be another process that made it.
+    """
+    new = not database.exists() or (database.is_file() and database.stat().st_size == 0)
+    store = Store.hold(database)
+    try:
+        with store:
+            yield store
+    finally:
+        if new and not result.stored:
+            for name in (database.name, f"{database.name}.wal"):
+                with suppress(OSError):
+                    database.with_name(name).unlink(missing_ok=True)
 
 
 @contextmanager

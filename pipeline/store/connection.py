@@ -38,13 +38,17 @@ def connect(path: Path, *, read_only: bool, roomy: bool = False) -> duckdb.DuckD
         StoreError: there is none, it is something else or of another version, or it is held.
     """
     where = Where(path)
-    if read_only and not path.is_file():
+    if path.exists() and not path.is_file():
+        raise StoreError("is no file, but a folder or a device", where=where, remedy=_ANOTHER)
+    if read_only and (not path.is_file() or path.stat().st_size == 0):
         raise StoreError("there is no such database", where=where, remedy=_MAKE_ONE)
     try:
         if not read_only:
             # Arrow's own allocator keeps what it ever had, 100 MB; the system's gives it back.
             pa.set_memory_pool(pa.system_memory_pool())
             path.parent.mkdir(parents=True, exist_ok=True)
+            if path.is_file() and path.stat().st_size == 0:
+                path.unlink()  # what a killed run or `touch` leaves is a new database
         small = not read_only and not roomy
         config = CONFIG | (_small() if small else {})
         connection = duckdb.connect(str(path), read_only=read_only, config=config)

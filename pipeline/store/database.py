@@ -15,12 +15,14 @@ from types import TracebackType
 import duckdb
 import pyarrow as pa
 
-from pipeline.core.errors import StoreError, UsageError, Where
+from pipeline.core.errors import RowsRefused, StoreError, UsageError, Where
 from pipeline.store.catalog import View, views
 from pipeline.store.columns import RECORDING_TABLES, ROW_ORDER
 from pipeline.store.connection import connect
 from pipeline.store.schema import apply_schema, is_current
 
+# Errors of the place, which the next recording would meet as well.
+_OF_THE_DISK = (duckdb.IOException, duckdb.FatalException, duckdb.InternalException)
 # A transaction that is read-only does not keep these from the disk, where files may be reached at all.
 _WRITING_FILES = (
     duckdb.StatementType.ATTACH,
@@ -98,7 +100,8 @@ class Store:
         """All or nothing: commit at the end, roll back on any error.
 
         Raises:
-            StoreError: the database refused (a full disk, for one); nothing of it was kept.
+            StoreError: the disk refused (it is full, for one); nothing of it was kept.
+            RowsRefused: the database does not take these rows; nothing of it was kept.
         """
         if self._in_transaction:
             raise RuntimeError("transactions do not nest")
@@ -113,11 +116,15 @@ class Store:
             # A failed COMMIT has ended the transaction already.
             with suppress(duckdb.Error):
                 self.connection.execute("ROLLBACK")
-            if isinstance(error, duckdb.Error):
+            if isinstance(error, _OF_THE_DISK):
                 raise StoreError(
                     f"nothing of this step was stored: {error}",
                     where=Where(self.path),
                     remedy="Free some disk space if it is full, then run the same command again",
+                ) from error
+            if isinstance(error, duckdb.Error):
+                raise RowsRefused(
+                    f"the database does not take its rows: {error}", where=Where(self.path)
                 ) from error
             raise
         finally:

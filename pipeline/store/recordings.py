@@ -14,9 +14,10 @@ import pyarrow as pa
 
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.diagnostics import diagnostics_table
-from pipeline.core.errors import StoreError, Where
+from pipeline.core.errors import RowsRefused, Where
 from pipeline.core.records import Diagnostic, GroundPlane
 from pipeline.core.tables import PASS_ONE
+from pipeline.core.text import storable
 from pipeline.store.columns import RECORDING_TABLES, ROW_ORDER, stored_columns
 from pipeline.store.database import Store, read_once
 from pipeline.store.matches import add_matches
@@ -75,7 +76,7 @@ def replace_recording(store: Store, recording: RecordingRow, parts: Path, run_id
     detector and are left out. Returns the recording's id.
 
     Raises:
-        StoreError: a part is missing, or the recording's key is taken by another one.
+        RowsRefused: a part is missing, or the recording's key is taken by another one.
     """
     recording_id = recording.recording_id
     refuse_collision(store, recording)
@@ -87,8 +88,8 @@ def replace_recording(store: Store, recording: RecordingRow, parts: Path, run_id
         [
             recording_id,
             recording.content_sha256,
-            recording.path.name,
-            str(recording.path),
+            storable(recording.path.name),
+            storable(str(recording.path)),
             recording.size_bytes,
             recording.start_time_ns,
             recording.end_time_ns,
@@ -114,14 +115,14 @@ def refuse_collision(store: Store, recording: RecordingRow) -> None:
     """Refuse a recording whose key another one has.
 
     Raises:
-        StoreError: there is such a one.
+        RowsRefused: there is such a one.
     """
     other = store.connection.execute(
         "SELECT path FROM recordings WHERE recording_id = ? AND content_sha256 <> ?",
         [recording.recording_id, recording.content_sha256],
     ).fetchone()
     if other is not None:
-        raise StoreError(
+        raise RowsRefused(
             f"its key {recording.recording_id} is taken by another recording, {other[0]}",
             where=Where(recording.path),
             remedy="Use another database for it",
@@ -140,7 +141,7 @@ def has_failure_of(store: Store, file_name: str, run_id: str) -> bool:
     """Return true if a run has said that a file is no recording."""
     found = store.connection.execute(
         "SELECT 1 FROM diagnostics WHERE recording_id IS NULL AND file_name = ? AND run_id = ?",
-        [file_name, run_id],
+        [storable(file_name), run_id],
     ).fetchone()
     return found is not None
 
@@ -187,7 +188,7 @@ def add_diagnostics(
         store.connection.execute(
             "INSERT INTO diagnostics BY NAME "
             "SELECT ? AS recording_id, ? AS run_id, ? AS file_name, * FROM incoming",
-            [recording_id, run_id, file_name],
+            [recording_id, run_id, storable(file_name)],
         )
 
 
@@ -199,7 +200,7 @@ def _insert_part(
     values = [recording_id]
     if table == "diagnostics":
         source = f"SELECT ? AS run_id, ? AS file_name, * FROM ({source})"
-        values = [run_id, recording.path.name, recording_id]
+        values = [run_id, storable(recording.path.name), recording_id]
     if table == "observations":
         source = _JUDGED.format(source=source)
         values.append(recording_id)
