@@ -19,7 +19,7 @@ def test_reading_what_is_not_there(tmp_path: Path) -> None:
     assert not (tmp_path / "none.duckdb").exists()
 
 
-@pytest.mark.parametrize("content", [b"", b"he", b"not a database" * 1000])
+@pytest.mark.parametrize("content", [b"he", b"not a database" * 1000])
 @pytest.mark.parametrize("read_only", [True, False])
 def test_a_file_of_another_kind(tmp_path: Path, content: bytes, read_only: bool) -> None:
     path = tmp_path / "a.duckdb"
@@ -29,8 +29,17 @@ def test_a_file_of_another_kind(tmp_path: Path, content: bytes, read_only: bool)
     assert path.read_bytes() == content
 
 
+def test_an_empty_file_is_a_new_database(tmp_path: Path) -> None:
+    path = tmp_path / "a.duckdb"
+    path.touch()
+    with pytest.raises(StoreError, match="no such database"):
+        Store.open(path, read_only=True)
+    with Store.open(path) as store:
+        assert list_recordings(store).num_rows == 0
+
+
 def test_a_folder_is_no_database(tmp_path: Path) -> None:
-    with pytest.raises(StoreError, match="cannot be opened"):
+    with pytest.raises(StoreError, match="is no file, but a folder"):
         Store.open(tmp_path)
 
 
