@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from pipeline.run.calibration import FittedToTruth, Found
     from pipeline.run.recording import Outcome
     from pipeline.run.recordings import RunResult
+    from pipeline.truth.stored import AddedTruth
     from stadimeter.arguments import load_config
     from stadimeter.calibration import calibrate
     from stadimeter.importing import ImportedVideo, import_photos, import_video
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
     from stadimeter.outputs import Reviewed, export, report, review
     from stadimeter.recordings import inspect
     from stadimeter.results import Relation, Results, merge, open
+    from stadimeter.true_values import truth
 
 _MODULES = {
     "pipeline": ("__version__",),
@@ -101,6 +103,7 @@ _MODULES = {
     "pipeline.run.calibration": ("FittedToTruth", "Found"),
     "pipeline.run.recording": ("Outcome",),
     "pipeline.run.recordings": ("RunResult",),
+    "pipeline.truth.stored": ("AddedTruth",),
     "stadimeter.arguments": ("load_config",),
     "stadimeter.calibration": ("calibrate",),
     "stadimeter.importing": ("ImportedVideo", "import_photos", "import_video"),
@@ -114,10 +117,12 @@ _MODULES = {
     "stadimeter.outputs": ("Reviewed", "export", "report", "review"),
     "stadimeter.recordings": ("inspect",),
     "stadimeter.results": ("Relation", "Results", "merge", "open"),
+    "stadimeter.true_values": ("truth",),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "AddedTruth",
     "BlurFloor",
     "CalibratedMethod",
     "Calibration",
@@ -174,6 +179,7 @@ __all__ = [
     "open",
     "report",
     "review",
+    "truth",
 ]
 
 if not TYPE_CHECKING:  # a type checker reads the imports above, and so knows what is not there

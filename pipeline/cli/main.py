@@ -19,13 +19,27 @@ from pipeline.cli import (
     report,
     review,
     run,
+    truth,
 )
 from pipeline.cli.console import err, safe, stdout_is_closed
 from pipeline.cli.exit_codes import DONE, FAILED, INTERRUPTED, USAGE
 from pipeline.core.errors import StadimeterError, UsageError
 
 # In the order of the help. Each has `add`, which adds its arguments, and `call`.
-COMMANDS = (run, inspect, import_, calibrate, estimate, query, merge, report, export, review, demo)
+COMMANDS = (
+    run,
+    inspect,
+    import_,
+    calibrate,
+    estimate,
+    truth,
+    query,
+    merge,
+    report,
+    export,
+    review,
+    demo,
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -29,6 +29,7 @@ from pipeline.store.database import Store
 from pipeline.store.parquet import write_rows
 from pipeline.store.recordings import RecordingRow, add_diagnostics, replace_recording
 from pipeline.store.scratch import Begun, own_store
+from pipeline.truth.judge import judge_tracking
 
 # store, recording's id, its file, folder of the timelines, configuration -> files
 TimelineWriter = Callable[[Store, str, Path, Path, Config], list[Path]]
@@ -157,6 +158,7 @@ def stored_alone(
                 recording_id = replace_recording(store, row, parts, begun.run_id)
             with times.stage("estimate"):
                 estimate_recording(store, recording_id, begun.run_id, row.path.name, config)
+                judge_tracking(store, recording_id)
         yield store
 
 

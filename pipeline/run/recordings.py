@@ -29,9 +29,10 @@ from pipeline.core.progress import Progress, Report, silent
 from pipeline.parallel.processes import WorkerLost, local_engine
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recording import Outcome, Timelines, Work, add_failure, attempt, work_alone
+from pipeline.run.truth import match_again
 from pipeline.store.database import Store
 from pipeline.store.parquet import take_rows
-from pipeline.store.recordings import list_recordings, refuse_collision
+from pipeline.store.recordings import has_truth_of_files, list_recordings, refuse_collision
 from pipeline.store.runs import finish_run, new_run_id, start_run
 from pipeline.store.scratch import Begun, empty_database
 
@@ -186,6 +187,8 @@ def _take(store: Store, outcome: Outcome, run_id: str, taken: dict[str, int], pl
             refuse_collision(store, row)
             with outcome.times.stage("store"), store.transaction():
                 take_rows(store, row.recording_id, outcome.files)
+                if has_truth_of_files(store, row.recording_id):
+                    match_again(store, row.recording_id)
             taken[row.recording_id] = place
         except RowsRefused as error:
             outcome.recording, outcome.error = None, error

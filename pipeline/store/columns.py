@@ -12,10 +12,15 @@ RECORDING_TABLES = (
     "recordings",
     *PASS_ONE,
     "matches",
+    "labelled_frames",
+    "ignore_regions",
+    "tracking_accuracy",
     "estimates",
     "track_heights",
     "observation_quality",
 )
+# Tables with rows of files of truth too, which stay when a recording is measured again.
+TRUTH_TABLES = ("ground_truth", "labelled_frames", "ignore_regions")
 # Tables of pass 2 with rows of a recording and a run.
 ESTIMATE_TABLES = ("estimates", "track_heights", "observation_quality")
 # Order of rows as they go in, so that a recording's, a camera's and a time's lie together.

@@ -18,7 +18,7 @@ from pipeline.core.errors import RowsRefused, Where
 from pipeline.core.records import Diagnostic, GroundPlane
 from pipeline.core.tables import PASS_ONE
 from pipeline.core.text import storable
-from pipeline.store.columns import RECORDING_TABLES, ROW_ORDER, stored_columns
+from pipeline.store.columns import RECORDING_TABLES, ROW_ORDER, TRUTH_TABLES, stored_columns
 from pipeline.store.database import Store, read_once
 from pipeline.store.matches import add_matches
 from pipeline.store.parquet_parts import read_part
@@ -106,9 +106,20 @@ def replace_recording(store: Store, recording: RecordingRow, parts: Path, run_id
 
 
 def forget(store: Store, recording_id: str) -> None:
-    """Delete all rows of a recording; call inside a transaction."""
+    """Delete the rows of a recording, but for truth from files; call inside a transaction."""
     for table in RECORDING_TABLES:
-        store.connection.execute(f"DELETE FROM {table} WHERE recording_id = ?", [recording_id])
+        also = " AND file_name IS NULL" if table in TRUTH_TABLES else ""
+        store.connection.execute(
+            f"DELETE FROM {table} WHERE recording_id = ?{also}", [recording_id]
+        )
+
+
+def has_truth_of_files(store: Store, recording_id: str) -> bool:
+    """Return true if truth of a recording was read from a file."""
+    found = store.connection.execute(
+        "SELECT 1 FROM labelled_frames WHERE recording_id = ? LIMIT 1", [recording_id]
+    ).fetchone()
+    return found is not None
 
 
 def refuse_collision(store: Store, recording: RecordingRow) -> None:

@@ -380,7 +380,8 @@ CREATE TABLE IF NOT EXISTS ground_truth (
     x_min_px     DOUBLE,
     y_min_px     DOUBLE,
     x_max_px     DOUBLE,
-    y_max_px     DOUBLE
+    y_max_px     DOUBLE,
+    file_name    VARCHAR
 );
 COMMENT ON TABLE ground_truth IS 'One row for each object in each frame whose truth is known, by survey or by construction.';
 COMMENT ON COLUMN ground_truth.recording_id IS 'The recording.';
@@ -398,6 +399,78 @@ COMMENT ON COLUMN ground_truth.x_min_px IS 'Left edge of the true box.';
 COMMENT ON COLUMN ground_truth.y_min_px IS 'Upper edge of the true box.';
 COMMENT ON COLUMN ground_truth.x_max_px IS 'Right edge of the true box.';
 COMMENT ON COLUMN ground_truth.y_max_px IS 'Lower edge of the true box.';
+
+COMMENT ON COLUMN ground_truth.file_name IS 'File that it was read from by `stadimeter truth`; it stays when the recording is measured again. NULL for truth that the recording holds.';
+
+CREATE TABLE IF NOT EXISTS labelled_frames (
+    recording_id VARCHAR NOT NULL,
+    camera       VARCHAR NOT NULL,
+    frame_index  INTEGER NOT NULL,
+    file_name    VARCHAR
+);
+COMMENT ON TABLE labelled_frames IS 'Frames for which a file of truth says who is there, one row for each: in others a box is neither right nor wrong.';
+COMMENT ON COLUMN labelled_frames.recording_id IS 'The recording.';
+COMMENT ON COLUMN labelled_frames.camera IS 'The camera.';
+COMMENT ON COLUMN labelled_frames.frame_index IS 'The frame.';
+COMMENT ON COLUMN labelled_frames.file_name IS 'The file of truth.';
+
+CREATE TABLE IF NOT EXISTS ignore_regions (
+    recording_id      VARCHAR NOT NULL,
+    camera            VARCHAR NOT NULL,
+    first_frame_index INTEGER NOT NULL,
+    last_frame_index  INTEGER NOT NULL,
+    x_min_px          DOUBLE NOT NULL,
+    y_min_px          DOUBLE NOT NULL,
+    x_max_px          DOUBLE NOT NULL,
+    y_max_px          DOUBLE NOT NULL,
+    file_name         VARCHAR
+);
+COMMENT ON TABLE ignore_regions IS 'Regions of frames in which the truth is not complete: boxes that lie in them by more than half, and match no true object, are not counted.';
+COMMENT ON COLUMN ignore_regions.recording_id IS 'The recording.';
+COMMENT ON COLUMN ignore_regions.camera IS 'The camera.';
+COMMENT ON COLUMN ignore_regions.first_frame_index IS 'First frame in which the region is ignored.';
+COMMENT ON COLUMN ignore_regions.last_frame_index IS 'Last frame in which the region is ignored.';
+COMMENT ON COLUMN ignore_regions.x_min_px IS 'Left edge of the region.';
+COMMENT ON COLUMN ignore_regions.y_min_px IS 'Upper edge of the region.';
+COMMENT ON COLUMN ignore_regions.x_max_px IS 'Right edge of the region.';
+COMMENT ON COLUMN ignore_regions.y_max_px IS 'Lower edge of the region.';
+COMMENT ON COLUMN ignore_regions.file_name IS 'The file of truth.';
+
+CREATE TABLE IF NOT EXISTS tracking_accuracy (
+    recording_id           VARCHAR NOT NULL,
+    camera                 VARCHAR NOT NULL,
+    grouping               VARCHAR NOT NULL,
+    class_name             VARCHAR,
+    true_depth_from_m      DOUBLE,
+    true_depth_to_m        DOUBLE,
+    overlap                DOUBLE NOT NULL,
+    true_count             BIGINT NOT NULL,
+    observed_count         BIGINT NOT NULL,
+    matched_count          BIGINT NOT NULL,
+    association_sum        DOUBLE NOT NULL,
+    overlap_sum            DOUBLE NOT NULL,
+    clear_matched_count    BIGINT,
+    switch_count           BIGINT,
+    fragment_count         BIGINT,
+    identity_matched_count BIGINT
+);
+COMMENT ON TABLE tracking_accuracy IS 'Agreement of boxes and tracks with the truth, one row for each recording, camera, group and least overlap: counts and sums that add up over recordings. The views accuracy.detection and accuracy.tracking make figures of them.';
+COMMENT ON COLUMN tracking_accuracy.recording_id IS 'The recording.';
+COMMENT ON COLUMN tracking_accuracy.camera IS 'The camera.';
+COMMENT ON COLUMN tracking_accuracy.grouping IS 'all, class (one class of objects alone) or range (true depths of one bin alone; a box that matches nothing is in the bin of its estimated depth).';
+COMMENT ON COLUMN tracking_accuracy.class_name IS 'Class of the group; NULL for other groupings.';
+COMMENT ON COLUMN tracking_accuracy.true_depth_from_m IS 'Begin of the bin of depth; NULL for other groupings.';
+COMMENT ON COLUMN tracking_accuracy.true_depth_to_m IS 'End of the bin of depth, not included; NULL for other groupings.';
+COMMENT ON COLUMN tracking_accuracy.overlap IS 'Least intersection over union at which a box counts as found: 0.05, 0.1 ... 0.95.';
+COMMENT ON COLUMN tracking_accuracy.true_count IS 'Number of true boxes.';
+COMMENT ON COLUMN tracking_accuracy.observed_count IS 'Number of boxes that were found, in the frames that are labelled.';
+COMMENT ON COLUMN tracking_accuracy.matched_count IS 'Number of true positives, by the assignment of HOTA.';
+COMMENT ON COLUMN tracking_accuracy.association_sum IS 'Sum over the true positives of the association accuracy of their pair of identities (Luiten et al. 2021, Eq. 7).';
+COMMENT ON COLUMN tracking_accuracy.overlap_sum IS 'Sum of the overlaps of the true positives.';
+COMMENT ON COLUMN tracking_accuracy.clear_matched_count IS 'Number of matches by the assignment of CLEAR MOT, at the overlap 0.5; NULL at others.';
+COMMENT ON COLUMN tracking_accuracy.switch_count IS 'Number of identity switches, at the overlap 0.5.';
+COMMENT ON COLUMN tracking_accuracy.fragment_count IS 'Number of times that a true track is lost and found again, at the overlap 0.5.';
+COMMENT ON COLUMN tracking_accuracy.identity_matched_count IS 'Number of boxes that one assignment of identities explains (IDTP of IDF1), at the overlap 0.5.';
 
 CREATE TABLE IF NOT EXISTS matches (
     recording_id      VARCHAR NOT NULL,
