@@ -1,5 +1,5 @@
 -- How good are boxes and tracks, over any groups of recordings, cameras, classes or ranges?
--- HOTA: Luiten et al. 2021, Eqs. 8-12; over recordings, sums are taken before ratios, as TrackEval does.
+-- HOTA: Luiten et al. 2021, Eqs. 8-12. Sums are taken before ratios, as TrackEval does.
 CREATE OR REPLACE MACRO accuracy.tracking_figures(one_grouping, dimensions) AS TABLE
 WITH grouped AS (
     SELECT
@@ -29,9 +29,11 @@ SELECT
     max(clear_matched_count) / nullif(max(true_count), 0) AS recall,
     max(clear_matched_count) / nullif(max(observed_count), 0) AS precision,
     avg(sqrt(deta * assa)) AS hota, avg(deta) AS deta, avg(assa) AS assa,
-    2 * max(identity_matched_count) / nullif(max(true_count) + max(observed_count), 0) AS idf1,
+    2 * max(identity_matched_count) / nullif(max(true_count) + max(observed_count), 0)
+        AS idf1,
     1 - (
-        max(true_count) + max(observed_count) - 2 * max(clear_matched_count) + max(switch_count)
+        max(true_count) + max(observed_count) - 2 * max(clear_matched_count)
+        + max(switch_count)
     ) / nullif(max(true_count), 0) AS mota,
     max(switch_count) AS switch_count, max(fragment_count) AS fragment_count
 FROM ratios
