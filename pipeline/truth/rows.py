@@ -30,13 +30,13 @@ class TruthRow:
 
     @property
     def has_box(self) -> bool:
-        """Whether the box is known."""
+        """True if the box is known."""
         return all(math.isfinite(edge) for edge in self.bbox_xyxy_px)
 
 
 @dataclass(slots=True)
 class TruthFile:
-    """What a file of truth holds."""
+    """Content of a file of truth."""
 
     form: str
     first_frame: (
