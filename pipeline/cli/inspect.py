@@ -94,8 +94,6 @@ def _print_camera(camera: CameraSurvey) -> None:
     )
     if camera.picture:
         out.print(f"  pictures {safe(camera.picture)}, {camera.image_bytes / 1e6:,.1f} MB")
-    if camera.clock_steps:
-        out.print(f"  the clock was set {camera.clock_steps:,} times", style="yellow")
     if camera.pose is not None:
         pose = camera.pose
         out.print(

@@ -6,10 +6,9 @@ waits until the recording has moved on by the look-ahead. What waits is still en
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 from pipeline.core.config import CameraConfig, IngestConfig
@@ -20,34 +19,27 @@ from pipeline.core.records import Diagnostic, Frame, Pairing, RawLayout, Severit
 from pipeline.images.exif import exif_block, exposure_of, read_tags
 from pipeline.images.header import image_size
 from pipeline.images.raw import has_wide_samples, samples
+from pipeline.ingest.clocks import CameraClock
 from pipeline.ingest.lanes import Lanes
+from pipeline.ingest.logged_behind import messages_of, topics_logged_behind
 from pipeline.ingest.named_exposure import NamedExposure, filled
-from pipeline.ingest.pairing import Lane, Paired
+from pipeline.ingest.pairing import Paired
+from pipeline.ingest.pairing_notes import TAKEN, pairing_notes
+from pipeline.ingest.partners import Asked, Partners
 from pipeline.ingest.plausibility import refuse_implausible
 from pipeline.ingest.pose import CameraPose, TransformTree, UnusablePose
 from pipeline.ingest.sources import Channels, Source
 from pipeline.ingest.video_stream import Out, Times
 from pipeline.ingest.videos import Videos
+from pipeline.ingest.waiting import Waiting, WaitingRoom
 from pipeline.mcap_file.reader import MAX_TIME_NS, McapFile, RawMessage
 from pipeline.messages.content import Decoded, EncodedImage, Kind, VideoPacket
 from pipeline.messages.named_numbers import named_numbers
 from pipeline.messages.registry import kind_of
 from pipeline.messages.tree import UndecodableMessage
 
-MAX_WAITING = 64  # pictures, where log times make no sense; `Limits` bounds their bytes
 # How many bits of a sample of 16 a sensor's converter fills.
 SAMPLE_BITS = (10, 12, 14, 16)
-
-
-@dataclass(order=True, slots=True)
-class _Waiting:
-    log_time_ns: int
-    order: int
-    camera: str = field(compare=False)
-    capture_time_ns: int | None = field(compare=False)
-    image: EncodedImage = field(compare=False)
-    topic: str = field(compare=False)
-    byte_offset: int = field(compare=False)
 
 
 class FrameAssembler:
@@ -75,8 +67,9 @@ class FrameAssembler:
         self.cameras: dict[str, str] = {}  # image topic -> camera
         self.frame_ids: dict[str, str] = {}  # camera -> frame_id
         self._notes = notes
-        self._tolerance_ns = round(config.exposure_tolerance_s * 1e9)
-        self._look_ahead_ns = max(self._tolerance_ns, round(config.reorder_s * 1e9))
+        tolerance_ns = round(config.exposure_tolerance_s * 1e9)
+        self._look_ahead_ns = max(tolerance_ns, round(config.reorder_s * 1e9))
+        self._partners = Partners(tolerance_ns, self._look_ahead_ns)
         self._limits = file.limits
         self._lanes = Lanes(
             self.cameras,
@@ -85,10 +78,8 @@ class FrameAssembler:
             most=file.limits.sources,
         )
         self._images_refused = 0
-        self._waiting: list[_Waiting] = []
-        self._waiting_bytes = 0
-        self._newest_ns = 0
-        self._order = 0
+        self._waiting = WaitingRoom(self._look_ahead_ns, file.limits.waiting_bytes)
+        self._clocks: dict[str, CameraClock] = {}
         self._frame_counts: dict[str, int] = {}
         self._channels = Channels(file.limits, named_numbers(cameras), self._tell)
         self._named = NamedExposure(file.limits.waiting_values)
@@ -109,15 +100,34 @@ class FrameAssembler:
         return self._images_refused + lost
 
     def __iter__(self) -> Generator[Frame, None, None]:
+        behind = self._take_logged_behind()
         for raw in self.file.messages_by_log_time(self._look_ahead_ns):
+            if raw.channel.topic in behind:
+                continue
             source = self._channels.source(raw)
             if source.decoder is not None or source.named:
                 self._take(source, raw)
-                yield from self._release()
+                yield from self._release(raw.log_time_ns)
         for out in self._videos.flush():
             self._enqueue_decoded(out)
-        while self._waiting:
-            yield self._assemble(self._next_waiting())
+        yield from self._release(None)
+        for note in pairing_notes(self._lanes, self._partners.ways, self.cameras):
+            self._notes.add(note)
+
+    def _take_logged_behind(self) -> set[str]:
+        """Take the values that come long after their pictures before these; return their topics."""
+        if type(self.file) is not McapFile:  # a part of a recording that is in order
+            return set()
+        path = self.file.path
+        topics = topics_logged_behind(path, self._limits, look_again=self._decode_video)
+        for topic in sorted(topics):
+            text = "its messages are logged long after the pictures; they were read before these"
+            self._notes.add(Diagnostic(Severity.INFO, "logged_behind", text, topic=topic))
+        for raw in messages_of(path, self._limits, topics) if topics else ():
+            source = self._channels.source(raw)
+            if source.decoder is not None or source.named:
+                self._take(source, raw)
+        return topics
 
     def _take(self, source: Source, raw: RawMessage) -> None:
         kind = source.decoder.kind if source.decoder else Kind.EXPOSURE
@@ -129,7 +139,6 @@ class FrameAssembler:
             text += f"{self._limits.message_bytes:,}"
             self._refuse(kind, "oversized_message", text, raw)
             return
-        self._newest_ns = max(self._newest_ns, raw.log_time_ns)
         try:
             if source.named:
                 for sentence in self._named.add(source, raw):
@@ -161,14 +170,16 @@ class FrameAssembler:
     def _keep_value(self, kind: Kind, message: Decoded, raw: RawMessage) -> None:
         """Let a value wait for the pictures that it belongs to."""
         stated_ns, topic = message.capture_time_ns, raw.channel.topic
-        lane = self._lanes.of_source(
-            kind, topic, message.frame_id, by_capture_time=stated_ns is not None
-        )
+        lane = self._lanes.of_source(kind, topic, message.frame_id)
         if lane is None:
             text = f"more than {self._limits.sources:,} sources (topics and frame_ids)"
             self._refuse(kind, "too_many_sources", text, raw)
-        else:
-            lane.add(raw.log_time_ns if stated_ns is None else stated_ns, message.payload)
+            return
+        lane.add(raw.log_time_ns, stated_ns, message.payload)
+        usual_ns = lane.delays.usual_ns
+        if kind in TAKEN and usual_ns is not None:
+            delays = [d for c in self._clocks.values() if (d := c.delays.usual_ns) is not None]
+            self._waiting.wait_longer(min(delays, default=0) - usual_ns)
 
     def _refuse(self, kind: Kind, code: str, problem: str, raw: RawMessage) -> None:
         if kind in (Kind.IMAGE, Kind.VIDEO):
@@ -234,39 +245,41 @@ class FrameAssembler:
         self._enqueue(out.image, out.times, out.item)
 
     def _enqueue(self, image: EncodedImage, times: Times, raw: RawMessage) -> None:
-        self._order += 1
-        self._waiting_bytes += len(image.data)
-        heapq.heappush(
-            self._waiting,
-            _Waiting(
-                times.log_time_ns,
-                self._order,
-                self.cameras[raw.channel.topic],
-                times.capture_time_ns,
-                image,
-                raw.channel.topic,
-                raw.byte_offset,
-            ),
+        camera = self.cameras[raw.channel.topic]
+        waiting = Waiting(
+            times.log_time_ns,
+            0,
+            camera,
+            times.capture_time_ns,
+            image,
+            raw.channel.topic,
+            raw.byte_offset,
         )
+        self._clock(waiting).seen.append(waiting.moment)
+        self._waiting.put(waiting)
 
-    def _release(self) -> Iterator[Frame]:
-        while self._waiting and (
-            self._waiting[0].log_time_ns + self._look_ahead_ns < self._newest_ns
-            or len(self._waiting) > MAX_WAITING
-            or self._waiting_bytes > self._limits.waiting_bytes
-        ):
-            yield self._assemble(self._next_waiting())
+    def _clock(self, waiting: Waiting) -> CameraClock:
+        camera = waiting.camera
+        if camera not in self._clocks:
 
-    def _next_waiting(self) -> _Waiting:
-        waiting = heapq.heappop(self._waiting)
-        self._waiting_bytes -= len(waiting.image.data)
-        return waiting
+            def tell(code: str, text: str) -> None:
+                note = Diagnostic(Severity.WARNING, code, text, camera=camera, topic=waiting.topic)
+                self._notes.add(replace(note, log_time_ns=clock.log_time_ns))
 
-    def _assemble(self, waiting: _Waiting) -> Frame:
+            clock = self._clocks[camera] = CameraClock(tell)
+        return self._clocks[camera]
+
+    def _release(self, now_ns: int | None) -> Iterator[Frame]:
+        for waiting, following in self._waiting.due(now_ns):
+            clock = self._clock(waiting)
+            waiting.capture_time_ns = clock.capture_time_ns(waiting.moment, following)
+            yield self._assemble(waiting, Asked(waiting.moment, clock, next(iter(following), None)))
+
+    def _assemble(self, waiting: Waiting, asked: Asked) -> Frame:
         camera, image = waiting.camera, waiting.image
-        exposure = self._exposure(waiting)
-        intrinsics = self._nearest_or_last(Kind.CALIBRATION, waiting)
-        truth = self._taken(Kind.TRUTH, waiting)
+        exposure = self._exposure(waiting, asked)
+        intrinsics = self._nearest_or_last(Kind.CALIBRATION, camera, asked)
+        truth = self._taken(Kind.TRUTH, camera, asked)
         self._find_pose(waiting)
         index = self._frame_counts.get(camera, 0)
         self._frame_counts[camera] = index + 1
@@ -274,29 +287,31 @@ class FrameAssembler:
             camera=camera,
             frame_index=index,
             log_time_ns=waiting.log_time_ns,
-            capture_time_ns=_time_for(waiting),
+            capture_time_ns=waiting.capture_time_ns,
             image_format=image.format,
             image=image.data,
             exposure=exposure.value if exposure else UNKNOWN_EXPOSURE,
             exposure_pairing=exposure.pairing if exposure else Pairing.NONE,
             exposure_offset_ns=exposure.offset_ns if exposure else None,
             intrinsics=intrinsics.value if intrinsics else None,
-            detections=self._taken(Kind.DETECTIONS, waiting),
+            detections=self._taken(Kind.DETECTIONS, camera, asked),
             truth=truth or (),
             topic=waiting.topic,
             byte_offset=waiting.byte_offset,
             layout=image.layout,
         )
 
-    def _exposure(self, waiting: _Waiting) -> Paired[Exposure] | None:
+    def _exposure(self, waiting: Waiting, asked: Asked) -> Paired[Exposure] | None:
         """Return what is known of a picture's exposure.
 
         The fields that a camera file names go first, then the messages; what both leave open may
         stand in the picture's own EXIF.
         """
-        found: Paired[Exposure] | None = self._nearest_or_last(Kind.EXPOSURE, waiting)
+        found: Paired[Exposure] | None = self._nearest_or_last(Kind.EXPOSURE, waiting.camera, asked)
         names = waiting.camera, waiting.topic
-        found, refused = self._named.fill(names, lambda lane: self._paired(lane, waiting), found)
+        found, refused = self._named.fill(
+            names, lambda lane: self._partners.find(lane, asked), found
+        )
         for sentence in refused:
             self._tell_of_picture(Severity.WARNING, "invalid_exposure", sentence, waiting)
         if waiting.image.layout is not None:
@@ -313,7 +328,7 @@ class FrameAssembler:
             return Paired(own, Pairing.EMBEDDED, 0) if known else None
         return found._replace(value=filled(found.value, own))
 
-    def _find_pose(self, waiting: _Waiting) -> None:
+    def _find_pose(self, waiting: Waiting) -> None:
         """Learn the camera's pose from the transforms; say when it moves, or cannot be told."""
         camera, version = waiting.camera, self._transforms.version
         if self._posed.get(camera, 0) == version:
@@ -328,28 +343,23 @@ class FrameAssembler:
             text = "the camera moves, by the transforms; its first pose is used, and is wrong later"
             self._tell_of_picture(Severity.WARNING, "moving_camera", text, waiting)
 
-    def _nearest_or_last(self, kind: Kind, waiting: _Waiting) -> Any:
-        lane = self._lanes.of_camera(kind, waiting.camera)
-        return None if lane is None else self._paired(lane, waiting)
+    def _nearest_or_last(self, kind: Kind, camera: str, asked: Asked) -> Any:
+        lane = self._lanes.of_camera(kind, camera)
+        return None if lane is None else self._partners.find(lane, asked)
 
-    def _paired(self, lane: Lane[Any], waiting: _Waiting) -> Any:
-        time_ns = _time_for(waiting, lane)
-        lane.forget_before(time_ns - self._look_ahead_ns)
-        return lane.nearest(time_ns, self._tolerance_ns) or lane.last_known(time_ns)
-
-    def _taken(self, kind: Kind, waiting: _Waiting) -> Any:
-        lane = self._lanes.of_camera(kind, waiting.camera)
+    def _taken(self, kind: Kind, camera: str, asked: Asked) -> Any:
+        lane = self._lanes.of_camera(kind, camera)
         if lane is None:
             return None
-        time_ns = _time_for(waiting, lane)
-        lane.forget_before(time_ns - self._look_ahead_ns)
-        return lane.take(time_ns, self._tolerance_ns)
+        caused = kind is Kind.DETECTIONS
+        found = self._partners.take(lane, asked, camera, is_caused=caused)
+        return None if found is None else found.value
 
     def _tell(self, code: str, message: str, raw: RawMessage) -> None:
         self._note(Severity.WARNING, code, message, raw)
 
     def _tell_of_picture(
-        self, severity: Severity, code: str, message: str, waiting: _Waiting
+        self, severity: Severity, code: str, message: str, waiting: Waiting
     ) -> None:
         self._notes.add(
             Diagnostic(
@@ -374,10 +384,3 @@ class FrameAssembler:
                 log_time_ns=min(raw.log_time_ns, MAX_TIME_NS),
             )
         )
-
-
-def _time_for(waiting: _Waiting, lane: Lane[Any] | None = None) -> int:
-    """Return the frame's time on the clock that a lane uses: capture times, or log times."""
-    if waiting.capture_time_ns is None or (lane is not None and not lane.by_capture_time):
-        return waiting.log_time_ns
-    return waiting.capture_time_ns

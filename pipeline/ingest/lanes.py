@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pipeline.ingest.pairing import Lane
@@ -29,17 +29,18 @@ class Lanes:
         self._lanes: dict[tuple[Kind, str, str], Lane[Any]] = {}
         self._lane_of: dict[tuple[Kind, str], Lane[Any] | None] = {}
 
-    def of_source(
-        self, kind: Kind, topic: str, frame_id: str, *, by_capture_time: bool
-    ) -> Lane[Any] | None:
+    def __iter__(self) -> Iterator[tuple[Kind, Lane[Any]]]:
+        """Yield all lanes with their kinds."""
+        for (kind, _, _), lane in self._lanes.items():
+            yield kind, lane
+
+    def of_source(self, kind: Kind, topic: str, frame_id: str) -> Lane[Any] | None:
         """Return the lane of a source, a new one at its first message; None if there are too many."""
         key = (kind, topic, frame_id)
         if key not in self._lanes:
             if len(self._lanes) >= self._most:
                 return None
-            self._lanes[key] = Lane(
-                topic, frame_id, by_capture_time=by_capture_time, limit=self._limit
-            )
+            self._lanes[key] = Lane(topic, frame_id, limit=self._limit)
             self._lane_of.clear()
         return self._lanes[key]
 

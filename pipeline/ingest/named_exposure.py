@@ -42,9 +42,8 @@ class NamedExposure:
                 continue
             lanes = self._lanes.setdefault(named.camera, {})
             if named not in lanes:
-                stated = time_ns is not None
-                lanes[named] = Lane(topic, "", by_capture_time=stated, limit=self._limit)
-            lanes[named].add(raw.log_time_ns if time_ns is None else time_ns, value)
+                lanes[named] = Lane(topic, "", limit=self._limit)
+            lanes[named].add(raw.log_time_ns, time_ns, value)
         return absent
 
     def fill(

@@ -20,8 +20,6 @@ from pipeline.messages.registry import kind_of
 
 # What can be read and checked in about a second; of more, a part is read unless all is asked for.
 QUICK_BYTES = 256 * 1024**2
-# Between two frames the way from the sensor into the log changes by less, if no clock is set.
-CLOCK_STEP_NS = 500_000_000
 
 
 def _picture_of(frame: Frame) -> str:
@@ -56,11 +54,9 @@ class CameraSurvey:
     exposure_pairings: dict[Pairing, int] = field(default_factory=dict)
     exposure_ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     picture: str = ""  # what the first one is: its encoding and, if it states one, its size
-    clock_steps: int = 0  # times at which capture and log time part by more than `CLOCK_STEP_NS`
     pose: CameraPose | None = None
     truth_count: int = 0
     detection_count: int = 0
-    _delay_ns: int = 0
 
     @property
     def frame_rate(self) -> float:
@@ -73,12 +69,9 @@ class CameraSurvey:
         if self.frame_count:
             gap_ns = frame.capture_time_ns - self.last_time_ns
             self.largest_gap_ns = max(self.largest_gap_ns, gap_ns)
-            delay_ns = frame.log_time_ns - frame.capture_time_ns
-            self.clock_steps += abs(delay_ns - self._delay_ns) > CLOCK_STEP_NS
         else:
             self.first_time_ns = frame.capture_time_ns
             self.picture = _picture_of(frame)
-        self._delay_ns = frame.log_time_ns - frame.capture_time_ns
         self.last_time_ns = frame.capture_time_ns
         self.frame_count += 1
         self.image_bytes += len(frame.image)

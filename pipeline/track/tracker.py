@@ -119,6 +119,10 @@ class Tracker:
         )
 
     def _predict(self, time_ns: int) -> None:
+        """Move the tracks on in time; where time falls back, the clock was set: all tracks end."""
+        if self._time_ns is not None and time_ns < self._time_ns - self._config.coast_s * 1e9:
+            self._filters.keep(np.zeros(len(self._active), dtype=bool))
+            self._active, self._time_ns = [], None
         elapsed_s = 0.0 if self._time_ns is None else max((time_ns - self._time_ns) / 1e9, 0.0)
         self._time_ns = time_ns if self._time_ns is None else max(time_ns, self._time_ns)
         if elapsed_s == 0.0 or len(self._active) == 0:

@@ -48,10 +48,10 @@ def image(ms: float, frame_id: str = "cam"):
 def test_pairing_is_that_of_a_search_through_all(
     times: list[int], asked: int, tolerance: int
 ) -> None:
-    lane: Lane[int] = Lane("/t", "", by_capture_time=True)
+    lane: Lane[int] = Lane("/t", "")
     for number, time in enumerate(times):
-        lane.add(time, number)
-    nearest = lane.nearest(asked, tolerance)
+        lane.add(-time, time, number)
+    nearest = lane.nearest(asked, tolerance, by_stamp=True)
     best = min((abs(t - asked) for t in times), default=None)
     if best is None or best > tolerance:
         assert nearest is None
@@ -59,7 +59,7 @@ def test_pairing_is_that_of_a_search_through_all(
         assert nearest is not None
         assert abs(nearest.offset_ns) == best
         assert times[nearest.value] - asked == nearest.offset_ns
-    last = lane.last_known(asked)
+    last = lane.last_known(asked, by_stamp=True)
     before = [t for t in times if t <= asked]
     assert (last is None) == (not before)
     if last is not None:

@@ -1,0 +1,99 @@
+"""Diagnostics of how values were paired with pictures, and of those that found none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from statistics import median
+from typing import Any
+
+from pipeline.core.records import Diagnostic, Severity
+from pipeline.ingest.lanes import Lanes
+from pipeline.ingest.pairing import Lane
+from pipeline.ingest.partners import EXACT_NS, SHARED_NS, Ways
+from pipeline.messages.content import Kind
+
+# Kinds of which each value belongs to one picture.
+TAKEN = (Kind.DETECTIONS, Kind.TRUTH)
+# Some at both ends of a recording have no picture there.
+_FEW, _FEW_SHARE = 2, 0.02
+_WORDS = {Kind.DETECTIONS: "messages with boxes", Kind.TRUTH: "messages with ground truth"}
+
+
+def pairing_notes(
+    lanes: Lanes, ways: Mapping[tuple[int, str], Ways], cameras: Mapping[str, str]
+) -> Iterator[Diagnostic]:
+    """Yield what is to be told of the pairing of a recording.
+
+    Args:
+        lanes: all its sources.
+        ways: how the values of each were paired, by `id` of the lane and camera.
+        cameras: by topic of their pictures.
+    """
+    for kind, lane in lanes:
+        if kind not in TAKEN:
+            continue
+        of_lane = {camera: w for (number, camera), w in ways.items() if number == id(lane)}
+        for camera, way in of_lane.items():
+            yield from _of_way(kind, lane, camera, way)
+        lost = lane.added - lane.taken
+        if lost and cameras:
+            yield _unpaired(kind, lane, lost, of_lane, sorted(set(cameras.values())))
+
+
+def _of_way(kind: Kind, lane: Lane[Any], camera: str, way: Ways) -> Iterator[Diagnostic]:
+    words = _WORDS[kind]
+    if way.by_log and (way.clock_offset_ns is None or abs(way.clock_offset_ns) > SHARED_NS):
+        if way.clock_offset_ns is None:
+            reason = "one of the two states no usable times"
+            severity = Severity.INFO
+        else:
+            reason = f"the clocks of their stamps differ by {way.clock_offset_ns / 1e9:+,.3f} s"
+            severity = Severity.WARNING
+        text = f"{words} were paired with pictures by log times, as {reason}; they are logged "
+        text += (
+            f"{_ms(way.by_log)} ms after their pictures (median); if they are of other pictures, "
+        )
+        text += "let the detector copy the stamps of its pictures"
+        yield _note(severity, "paired_by_log_time", text, lane, camera, len(way.by_log))
+    if way.by_stamp and abs(median(way.by_stamp)) > EXACT_NS:
+        text = (
+            f"{words} are stamped {_ms(way.by_stamp)} ms after their pictures (median); each was "
+        )
+        text += f"paired with the picture that fits this best, within {way.tolerance_ns / 1e6:.0f} ms; a "
+        text += "delay of whole pictures more cannot be seen: let the detector copy the stamps"
+        yield _note(Severity.WARNING, "paired_by_nearest", text, lane, camera, len(way.by_stamp))
+
+
+def _unpaired(
+    kind: Kind, lane: Lane[Any], lost: int, ways: Mapping[str, Ways], cameras: list[str]
+) -> Diagnostic:
+    words = _WORDS[kind]
+    few = lost <= max(_FEW, _FEW_SHARE * lane.added)
+    text = f"{lost:,} of {lane.added:,} {words} found no picture"
+    if not ways:
+        text += f": they belong to none of the cameras {', '.join(cameras)}; frame_id "
+        text += f"({lane.frame_id!r}) or topic namespace must be those of the pictures"
+    else:
+        tolerance_ns = max(way.tolerance_ns for way in ways.values())
+        text += f" within {tolerance_ns / 1e6:.0f} ms, and were not used"
+        if not few:
+            text += (
+                ": their times or their pictures are missing or wrong; let the detector copy the "
+            )
+            text += (
+                "stamps of its pictures, or raise ingest.exposure_tolerance_s in the camera file"
+            )
+    camera = next(iter(ways)) if len(ways) == 1 else None
+    severity = Severity.INFO if few and ways else Severity.WARNING
+    code = "unpaired_boxes" if kind is Kind.DETECTIONS else "unpaired_truth"
+    return _note(severity, code, text, lane, camera, lost)
+
+
+def _ms(offsets_ns: list[int]) -> str:
+    return f"{median(offsets_ns) / 1e6:.1f}"
+
+
+def _note(
+    severity: Severity, code: str, text: str, lane: Lane[Any], camera: str | None, count: int
+) -> Diagnostic:
+    return Diagnostic(severity, code, text, camera=camera, topic=lane.topic, count=count)
