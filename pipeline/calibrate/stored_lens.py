@@ -22,6 +22,11 @@ def known_lens(row: CameraRow, camera: CameraConfig) -> CameraRow:
     """
     bare = row.with_lens(None, None)
     posed = not math.isnan(camera.camera_height_m) and not math.isnan(camera.tilt_deg)
+    stated = math.isfinite(camera.fx_px) and (posed or camera.focal_std_px == 0)
+    if row.intrinsics_source == "recording" and stated and row.size_px is not None:
+        lens = lens_of(Exposure(), camera, row.intrinsics, *row.size_px)
+        found, source, _ = intrinsics_of(row.intrinsics, camera, lens, *row.size_px)
+        return row.with_lens(found, source, camera.focal_std_px or None)
     if row.fx_px is not None and row.intrinsics_source != "walkers":
         if not is_unsure(camera, row):
             return replace(row, focal_std_px=None)

@@ -219,7 +219,7 @@ class TimelineConfig:
 class CameraConfig:
     """Facts about a camera beside its recordings; NaN is unknown.
 
-    It fills, and never overrides, what a recording says.
+    What it states goes before what a recording says; what it leaves open is the recording's.
     """
 
     name: str

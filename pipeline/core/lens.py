@@ -41,14 +41,16 @@ def lens_of(
     width_px: int,
     height_px: int,
 ) -> Lens:
-    """Combine a frame's exposure with the camera file; the recording's word goes first.
+    """Combine a frame's exposure with the camera file; the camera file's word goes first.
 
-    A recording that states no pitch, but the focal length for 35 mm film, gives the pitch by it, unless
-    it holds a calibration: the equivalent is rounded to a millimetre, a calibration is better.
+    Fields of other channels that the camera file names are its word too, so a number beside them only
+    fills. Where no pitch is stated, but the focal length for 35 mm film, that gives the pitch, unless
+    the recording holds a calibration: the equivalent is rounded to a millimetre.
     """
-    focal_length_mm = _known(exposure.focal_length_mm, camera.focal_length_mm)
+    focal_length_mm = _stated("focal_length_mm", exposure, camera)
     equivalent_mm, pitch_um = exposure.focal_length_35mm_mm, NAN
-    if math.isnan(exposure.pixel_pitch_x_um) and intrinsics is None:
+    stated_um = _stated("pixel_pitch_x_um", exposure, camera)
+    if math.isnan(stated_um) and intrinsics is None:
         pitch_um = pitch_by_equivalent_um(focal_length_mm, equivalent_mm, width_px, height_px)
     pitch_x_um, pitch_y_um = pitch_um, pitch_um
     if math.isnan(pitch_um):
@@ -58,9 +60,9 @@ def lens_of(
         pitch_y_um = _known(pitch_y_um, focal_length_mm * 1e3 / intrinsics.fy_px)
     no_angles = math.isnan(focal_length_mm / pitch_x_um)
     return Lens(
-        f_number=_known(exposure.f_number, camera.f_number),
+        f_number=_stated("f_number", exposure, camera),
         focal_length_mm=focal_length_mm,
-        focus_distance_m=_known(exposure.focus_distance_m, camera.focus_distance_m),
+        focus_distance_m=_stated("focus_distance_m", exposure, camera),
         pixel_pitch_x_um=pitch_x_um,
         pixel_pitch_y_um=pitch_y_um,
         focal_length_35mm_mm=equivalent_mm,
@@ -68,12 +70,33 @@ def lens_of(
     )
 
 
+def _stated(name: str, exposure: Exposure, camera: CameraConfig) -> float:
+    """Return a value by the camera file, else by the recording; NaN if neither states it."""
+    recorded, given = getattr(exposure, name), getattr(camera, name)
+    named = getattr(camera.exposure, name)
+    return float(_known(recorded, given) if named else _known(given, recorded))
+
+
+def overridden(exposure: Exposure, camera: CameraConfig) -> str | None:
+    """Return a sentence on values of the camera file that a frame of the recording contradicts."""
+    texts = []
+    for name in ("f_number", "focal_length_mm", "focus_distance_m", "pixel_pitch_x_um"):
+        recorded, used = getattr(exposure, name), _stated(name, exposure, camera)
+        if math.isfinite(recorded) and abs(used / recorded - 1) > FOCAL_TOLERANCE:
+            texts.append(f"{name} {used:g} (the recording states others)")
+    if not texts:
+        return None
+    return (
+        f"the camera file goes before the recording: {', '.join(texts)}; correct it if it is wrong"
+    )
+
+
 def _stated_pitches_um(
     exposure: Exposure, camera: CameraConfig, width_px: int, height_px: int
 ) -> tuple[float, float]:
     """Return the pitches of the stored picture's pixels by those of the sensor's; NaN if unknown."""
-    sensor_x_um = _known(exposure.pixel_pitch_x_um, camera.pixel_pitch_x_um)
-    sensor_y_um = _known(exposure.pixel_pitch_y_um, camera.pixel_pitch_y_um, sensor_x_um)
+    sensor_x_um = _stated("pixel_pitch_x_um", exposure, camera)
+    sensor_y_um = _known(_stated("pixel_pitch_y_um", exposure, camera), sensor_x_um)
     zoom = _known(exposure.digital_zoom_ratio, 1.0)
     return (
         sensor_x_um * _scale(exposure.sensor_width_px, width_px) / zoom,
@@ -101,48 +124,86 @@ def pitch_by_equivalent_um(
 def intrinsics_of(
     recorded: Intrinsics | None, camera: CameraConfig, lens: Lens, width_px: int, height_px: int
 ) -> tuple[Intrinsics | None, str | None, str | None]:
-    """Return the pinhole camera of a picture, where it comes from, and a complaint.
+    """Return the pinhole camera of a picture, the source of its focal length, and a complaint.
 
-    From the recording, scaled to the picture if it was made at another size; else from the camera
-    file; else from focal length and pixel pitch, or the focal length for 35 mm film alone, with the
-    centre assumed in the middle.
+    What the camera file states goes first, value by value. Else the calibration of the recording,
+    scaled to the picture if it was made at another size, unless focal length and pixel pitch of the
+    camera file contradict it; else focal length and pixel pitch, or the focal length for 35 mm film
+    alone, with the centre assumed in the middle. A calibration whose focal length the camera file
+    replaces keeps its centre and distortion only if the two agree.
     """
     complaint = None
-    if recorded is not None:
-        fitted = fit_to_picture(recorded, width_px, height_px)
-        if fitted is not None:
-            return fitted, "recording", _contradiction(fitted, lens) or _scaling(recorded, fitted)
+    fitted = fit_to_picture(recorded, width_px, height_px) if recorded is not None else None
+    if recorded is not None and fitted is None:
         complaint = (
             f"the calibration is for {recorded.width_px}x{recorded.height_px}, the pictures are "
-            f"{width_px}x{height_px}, another aspect ratio; it was not used"
+            f"{width_px}x{height_px}, another shape; it was not used"
         )
-    if math.isfinite(camera.fx_px):
-        return (
-            Intrinsics(
-                width_px,
-                height_px,
-                camera.fx_px,
-                _known(camera.fy_px, camera.fx_px),
-                _known(camera.cx_px, (width_px - 1) / 2),
-                _known(camera.cy_px, (height_px - 1) / 2),
-                camera.distortion_model,
-                camera.distortion,
-            ),
-            "camera_file",
-            complaint,
-        )
+    given_px = camera.fx_px
+    if math.isnan(given_px) and _states_lens(camera):
+        given_px = lens.focal_length_mm * 1e3 / lens.pixel_pitch_x_um
+    if recorded is not None and fitted is not None:
+        complaint = _contradiction(fitted, lens) or _scaling(recorded, fitted)
+        if math.isfinite(given_px) and abs(given_px / fitted.fx_px - 1) > FOCAL_TOLERANCE:
+            complaint = (
+                f"the recording's calibration states {fitted.fx_px:.0f} px, the camera file "
+                f"{given_px:.0f} px; the camera file is taken, and the calibration is not used"
+            )
+            fitted = None
+    if fitted is not None:
+        source = "recording" if math.isnan(camera.fx_px) else "camera_file"
+        return _with_given(fitted, camera), source, complaint
     fx_px = lens.focal_length_mm * 1e3 / lens.pixel_pitch_x_um
     fy_px = lens.focal_length_mm * 1e3 / lens.pixel_pitch_y_um
     if not math.isfinite(fx_px + fy_px):  # angles need no pitch where the equivalent is stated
         diagonal_px = math.hypot(width_px, height_px)
         fx_px = fy_px = lens.focal_length_35mm_mm * diagonal_px / DIAGONAL_35MM_MM
+    source = "lens_data"
+    if math.isfinite(camera.fx_px):
+        fx_px, fy_px, source = camera.fx_px, camera.fx_px, "camera_file"
     if not math.isfinite(fx_px + fy_px):
         return None, None, complaint
-    centre_x_px, centre_y_px = (width_px - 1) / 2, (height_px - 1) / 2
+    middle_px = (width_px - 1) / 2, (height_px - 1) / 2
+    plain = Intrinsics(width_px, height_px, fx_px, fy_px, *middle_px)
+    return _with_given(plain, camera), source, complaint
+
+
+def lens_sources(lens: Intrinsics, camera: CameraConfig, source: str | None) -> tuple[str, str]:
+    """Return where the centre and the distortion of a lens come from: recording, camera_file, assumed.
+
+    Args:
+        lens: as `intrinsics_of` returns it.
+        camera: the entry of the camera file.
+        source: of the focal length.
+    """
+    middle = math.isclose(lens.cx_px, (lens.width_px - 1) / 2) and math.isclose(
+        lens.cy_px, (lens.height_px - 1) / 2
+    )
+    centre = "recording" if source == "recording" or not middle else "assumed"
+    distortion = "recording" if source == "recording" or lens.distortion else "assumed"
     return (
-        Intrinsics(width_px, height_px, fx_px, fy_px, centre_x_px, centre_y_px),
-        "lens_data",
-        complaint,
+        "camera_file" if math.isfinite(camera.cx_px + camera.cy_px) else centre,
+        "camera_file" if camera.distortion_model else distortion,
+    )
+
+
+def _states_lens(camera: CameraConfig) -> bool:
+    return math.isfinite(camera.focal_length_mm + camera.pixel_pitch_x_um)
+
+
+def _with_given(lens: Intrinsics, camera: CameraConfig) -> Intrinsics:
+    """Return a lens with what the camera file states of it, value by value."""
+    fx_px = _known(camera.fx_px, lens.fx_px)
+    alike = _known(camera.fx_px, lens.fy_px) if math.isfinite(camera.fx_px) else lens.fy_px
+    bent = bool(camera.distortion_model)
+    return replace(
+        lens,
+        fx_px=fx_px,
+        fy_px=_known(camera.fy_px, alike),
+        cx_px=_known(camera.cx_px, lens.cx_px),
+        cy_px=_known(camera.cy_px, lens.cy_px),
+        distortion_model=camera.distortion_model if bent else lens.distortion_model,
+        distortion=camera.distortion if bent else lens.distortion,
     )
 
 

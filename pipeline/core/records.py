@@ -41,6 +41,24 @@ class Intrinsics:
 
 
 @dataclass(frozen=True, slots=True)
+class LensClaim:
+    """A calibration as a message states it, before it is known for which pictures it holds.
+
+    Fields as `sensor_msgs/CameraInfo` defines them; `foxglove.CameraCalibration` has no binning and no
+    region. Sizes and offsets in pixels of the whole sensor, 0 where nothing is stated.
+    """
+
+    width_px: int
+    height_px: int
+    k: tuple[float, ...]  # camera matrix, (3, 3) row by row; empty: none
+    p: tuple[float, ...] = ()  # projection of rectified pictures, (3, 4) row by row; empty: none
+    distortion_model: str = ""
+    distortion: tuple[float, ...] = ()
+    binning: tuple[int, int] = (1, 1)
+    region: tuple[int, int, int, int] = (0, 0, 0, 0)  # left, top, width, height
+
+
+@dataclass(frozen=True, slots=True)
 class FoundLens:
     """A lens that nothing told of, found with the camera's pose."""
 
@@ -135,6 +153,7 @@ class Frame:
     topic: str
     byte_offset: int
     layout: RawLayout | None = None
+    rectified: Intrinsics | None = None  # the lens if the picture was rectified, where that is open
 
 
 class Severity(StrEnum):

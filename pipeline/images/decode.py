@@ -17,7 +17,7 @@ from pipeline.core.config import MIN_SIDE_PX
 from pipeline.core.errors import UndecodableImage
 from pipeline.core.records import RawLayout
 from pipeline.images.header import hidden_cost, image_size
-from pipeline.images.raw import decode_raw
+from pipeline.images.raw import check_encoding, decode_raw
 from pipeline.optics.exposure import LUMINANCE_WEIGHTS, srgb_to_linear
 
 Image = npt.NDArray[np.uint8]
@@ -69,6 +69,10 @@ def decode(
         UndecodableImage: the bytes are no picture, or one larger than `max_pixels`, or one whose
             decoding would cost far more than its size says.
     """
+    if layout is not None:
+        check_encoding(
+            layout
+        )  # an encoding that is not read says more than bytes that are not there
     if not image:
         raise UndecodableImage("there are no bytes of it")
     stated = image_size(image) if layout is None else (layout.width_px, layout.height_px)

@@ -82,7 +82,14 @@ def _is_frame(marker: int) -> bool:
 def _jpeg_segments(image: bytes) -> Iterator[tuple[int, int]]:
     """Yield marker and place of the segments up to the first scan (ITU-T T.81, B.2)."""
     at = 2
-    while at + 9 <= len(image) and image[at] == 0xFF:
+    while at + 9 <= len(image):
+        if (
+            image[at] != 0xFF or image[at + 1] == 0
+        ):  # stray bytes: decoders go on at the next marker
+            at = image.find(b"\xff", at + 1)
+            if at < 0:
+                return
+            continue
         marker = image[at + 1]
         if marker == 0xFF:  # fill byte
             at += 1

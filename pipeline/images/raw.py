@@ -62,6 +62,7 @@ def _double(length: int) -> int:
     return length * 2
 
 
+_GENICAM = {"rg": "rggb", "bg": "bggr", "gb": "gbrg", "gr": "grbg"}
 _BGR = _Packed(3, None)
 _GREY = _Packed(1, cv2.COLOR_GRAY2BGR)
 _GREY_16 = _Packed(1, cv2.COLOR_GRAY2BGR, 2)
@@ -79,8 +80,19 @@ _FORMATS: dict[str, _Packed | _Bayer | _Yuv] = {
     "rgba8": _Packed(4, cv2.COLOR_RGBA2BGR),
     "bgr16": _Packed(3, None, 2),
     "rgb16": _Packed(3, cv2.COLOR_RGB2BGR, 2),
+    "bgra16": _Packed(4, cv2.COLOR_BGRA2BGR, 2),
+    "rgba16": _Packed(4, cv2.COLOR_RGBA2BGR, 2),
     **{f"bayer_{p}8": _Bayer(p) for p in ("rggb", "bggr", "gbrg", "grbg")},
     **{f"bayer_{p}16": _Bayer(p, 2) for p in ("rggb", "bggr", "gbrg", "grbg")},
+    # GenICam's names (Pixel Format Naming Convention 2.4): two filters of the first row; a sample of 10,
+    # 12 or 14 bits lies in 16, unless the name ends in p or Packed.
+    **{f"bayer{two}8": _Bayer(p) for two, p in _GENICAM.items()},
+    **{f"bayer{two}{n}": _Bayer(p, 2) for two, p in _GENICAM.items() for n in (10, 12, 14, 16)},
+    "rgb8packed": _Packed(3, cv2.COLOR_RGB2BGR),
+    "bgr8packed": _BGR,
+    "yuv422packed": _UYVY,
+    "yuv422_8_uyvy": _UYVY,
+    "yuv422_8": _YUYV,
     "yuv422": _UYVY,  # ROS' name for UYVY
     "uyvy": _UYVY,
     "yuv422_yuy2": _YUYV,
@@ -89,6 +101,10 @@ _FORMATS: dict[str, _Packed | _Bayer | _Yuv] = {
     "nv21": _Yuv(cv2.COLOR_YUV2BGR_NV21, _three_halves, _same),
     "i420": _Yuv(cv2.COLOR_YUV2BGR_I420, _three_halves, _same),
 }
+_READ = (
+    "mono8, mono16, rgb8, bgr8, rgba8, bgra8, rgb16, bgr16, rgba16, bgra16, bayer_rggb8 and so on, "
+    "BayerRG8 and so on, uyvy, yuyv, nv12, nv21, i420"
+)
 # What such a stream holds is distances, not light.
 DEPTH_ENCODINGS = frozenset({"16uc1", "32fc1", "64fc1"})
 _DEMOSAIC = {
@@ -116,6 +132,11 @@ def samples(image: bytes, layout: RawLayout) -> npt.NDArray[np.uint16]:
         raise UndecodableImage(f"encoding {layout.encoding!r} has samples of 8 bits")
     channels = found.channels if isinstance(found, _Packed) else 1
     return _view(image, layout, channels, 2).astype(np.uint16, copy=False)
+
+
+def check_encoding(layout: RawLayout) -> None:
+    """Raise UndecodableImage for an encoding that is not read, and name those that are."""
+    _format_of(layout)
 
 
 def decode_raw(image: bytes, layout: RawLayout, reduction: int = 1) -> Image:
@@ -148,21 +169,24 @@ def as_jpeg(image: bytes, layout: RawLayout) -> bytes:
 def compressed(frame: Frame) -> Frame:
     """Return a frame whose picture takes little room: bare pixels become a JPEG.
 
-    Bare pixels that do not fit their layout become no bytes at all.
+    Bare pixels that do not fit their layout stay as they are: they are reported when they are decoded.
     """
     if frame.layout is None:
         return frame
     try:
         image = as_jpeg(frame.image, frame.layout)
     except UndecodableImage:
-        image = b""
+        return frame
     return replace(frame, image=image, layout=None)
 
 
 def _format_of(layout: RawLayout) -> _Packed | _Bayer | _Yuv:
     found = _FORMATS.get(layout.encoding.lower())
     if found is None:
-        raise UndecodableImage(f"encoding {layout.encoding!r} is not read")
+        raise UndecodableImage(
+            f"encoding {layout.encoding!r} is not read (read are {_READ}); record "
+            "the camera in one of these, or as JPEG or PNG"
+        )
     if layout.width_px < 1 or layout.height_px < 1:
         raise UndecodableImage(f"{layout.width_px} x {layout.height_px} pixels")
     return found
@@ -240,6 +264,8 @@ def _reduced(pixels: Image, reduction: int) -> Image:
     if reduction == 1:
         return pixels
     height, width = pixels.shape[0] // reduction, pixels.shape[1] // reduction
+    if min(height, width) < 1:
+        raise UndecodableImage(f"{pixels.shape[1]} x {pixels.shape[0]} pixels cannot be reduced")
     whole = pixels[: height * reduction, : width * reduction]
     small = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
     return np.asarray(small, dtype=np.uint8).reshape(height, width, *pixels.shape[2:])

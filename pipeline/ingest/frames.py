@@ -13,14 +13,14 @@ from typing import Any
 
 from pipeline.core.config import CameraConfig, IngestConfig
 from pipeline.core.diagnostics import Notes
-from pipeline.core.errors import MissingLibrary, UndecodableImage, UnsupportedChannel
+from pipeline.core.errors import MissingLibrary, UnsupportedChannel
 from pipeline.core.exposure import FIELDS, UNKNOWN_EXPOSURE, Exposure
-from pipeline.core.records import Diagnostic, Frame, Pairing, RawLayout, Severity
+from pipeline.core.records import Diagnostic, Frame, LensClaim, Pairing, Severity
 from pipeline.images.exif import exif_block, exposure_of, read_tags
 from pipeline.images.header import image_size
-from pipeline.images.raw import has_wide_samples, samples
 from pipeline.ingest.clocks import CameraClock
 from pipeline.ingest.lanes import Lanes
+from pipeline.ingest.lens_readings import NO_LENS, Found, LensReadings
 from pipeline.ingest.logged_behind import messages_of, topics_logged_behind
 from pipeline.ingest.named_exposure import NamedExposure, filled
 from pipeline.ingest.pairing import Paired
@@ -28,6 +28,7 @@ from pipeline.ingest.pairing_notes import TAKEN, pairing_notes
 from pipeline.ingest.partners import Asked, Partners
 from pipeline.ingest.plausibility import refuse_implausible
 from pipeline.ingest.pose import CameraPose, TransformTree, UnusablePose
+from pipeline.ingest.sample_bits import SampleBits
 from pipeline.ingest.sources import Channels, Source
 from pipeline.ingest.video_stream import Out, Times
 from pipeline.ingest.videos import Videos
@@ -37,9 +38,6 @@ from pipeline.messages.content import Decoded, EncodedImage, Kind, VideoPacket
 from pipeline.messages.named_numbers import named_numbers
 from pipeline.messages.registry import kind_of
 from pipeline.messages.tree import UndecodableMessage
-
-# How many bits of a sample of 16 a sensor's converter fills.
-SAMPLE_BITS = (10, 12, 14, 16)
 
 
 class FrameAssembler:
@@ -87,7 +85,8 @@ class FrameAssembler:
         self._posed: dict[str, int] = {}  # camera -> version of the transforms
         self._decode_video = decode_video
         self._videos = Videos(file)
-        self._sample_bits: dict[str, int] = {}
+        self._readings = LensReadings()
+        self._bits = SampleBits(self._note, file.limits.image_pixels)
 
     def has_detections(self, camera: str) -> bool:
         """Return whether recorded detections for a camera were seen so far."""
@@ -203,25 +202,8 @@ class FrameAssembler:
 
     def _enqueue_image(self, message: Decoded, image: EncodedImage, raw: RawMessage) -> None:
         if self._camera(message, raw) is not None:
-            if image.layout is not None and has_wide_samples(image.layout.encoding):
-                image = self._with_bits(image, image.layout, raw)
+            image = self._bits.told(image, raw)
             self._enqueue(image, Times(raw.log_time_ns, message.capture_time_ns), raw)
-
-    def _with_bits(self, image: EncodedImage, layout: RawLayout, raw: RawMessage) -> EncodedImage:
-        """Tell how many bits of its samples a camera fills, by the brightest of its pictures."""
-        topic = raw.channel.topic
-        known = self._sample_bits.get(topic, 0)
-        try:
-            largest = int(samples(image.data, layout).max(initial=0))
-        except UndecodableImage:
-            return image  # it is reported when its turn comes
-        bits = max(known, next(b for b in SAMPLE_BITS if largest < 1 << b))
-        if bits != known:
-            self._sample_bits[topic] = bits
-            if known or bits < SAMPLE_BITS[-1]:
-                text = f"from here on samples of 16 bits are taken as {bits} bits"
-                self._note(Severity.INFO, "assumed_bit_depth", text, raw)
-        return replace(image, layout=replace(layout, bits=bits))
 
     def _enqueue_video(self, message: Decoded, packet: VideoPacket, raw: RawMessage) -> None:
         if self._camera(message, raw) is None:
@@ -278,7 +260,7 @@ class FrameAssembler:
     def _assemble(self, waiting: Waiting, asked: Asked) -> Frame:
         camera, image = waiting.camera, waiting.image
         exposure = self._exposure(waiting, asked)
-        intrinsics = self._nearest_or_last(Kind.CALIBRATION, camera, asked)
+        lens = self._lens(waiting, asked)
         truth = self._taken(Kind.TRUTH, camera, asked)
         self._find_pose(waiting)
         index = self._frame_counts.get(camera, 0)
@@ -293,13 +275,29 @@ class FrameAssembler:
             exposure=exposure.value if exposure else UNKNOWN_EXPOSURE,
             exposure_pairing=exposure.pairing if exposure else Pairing.NONE,
             exposure_offset_ns=exposure.offset_ns if exposure else None,
-            intrinsics=intrinsics.value if intrinsics else None,
+            intrinsics=lens.lens,
             detections=self._taken(Kind.DETECTIONS, camera, asked),
             truth=truth or (),
             topic=waiting.topic,
             byte_offset=waiting.byte_offset,
             layout=image.layout,
+            rectified=lens.rectified,
         )
+
+    def _lens(self, waiting: Waiting, asked: Asked) -> Found:
+        """Return the lens of a picture by the calibration of its time; tell what is odd about it."""
+        claim: Paired[LensClaim] | None = self._nearest_or_last(
+            Kind.CALIBRATION, waiting.camera, asked
+        )
+        if claim is None:
+            return NO_LENS
+        image = waiting.image
+        layout = image.layout
+        size = (layout.width_px, layout.height_px) if layout else image_size(image.data)
+        found = self._readings.lens(claim.value, size, waiting.topic)
+        if found.code:
+            self._tell_of_picture(Severity.WARNING, found.code, found.sentence, waiting)
+        return found
 
     def _exposure(self, waiting: Waiting, asked: Asked) -> Paired[Exposure] | None:
         """Return what is known of a picture's exposure.

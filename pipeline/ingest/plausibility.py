@@ -1,28 +1,22 @@
 """Check of what a message states: each impossible value is left out, and told.
 
 This comes after decoding, so it holds for every encoding. The bounds refuse the impossible, not the
-unusual; those of exposure and lens are in `pipeline.core.exposure`.
+unusual; those of exposure are in `pipeline.core.exposure`, those of the lens in
+`pipeline.ingest.lens_readings`.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pipeline.core.arrays import NAN
-from pipeline.core.records import Boxes, Intrinsics, TrueObject
+from pipeline.core.records import Boxes, TrueObject
 from pipeline.mcap_file.reader import MAX_TIME_NS
 from pipeline.messages.content import Decoded, Payload
 
-# A fisheye of a small picture has some 50 px, an astronomical telescope before a large sensor 1e7.
-FOCAL_PX = (1.0, 1e8)
-# Pixels are square, or oblong in old video and where a sensor bins one direction.
-FOCAL_RATIO = (0.1, 10.0)
-# The axis may miss a picture that was cut out of a larger one, by some of its sizes.
-CENTRE_IN_SIZES = 10.0
 # Farther than this nothing can be seen on the ground; nothing that is taller stands there.
 LONGEST_M = 1e6
 WIDEST_STD_PX = 1e4
@@ -43,8 +37,6 @@ def refuse_implausible(message: Decoded) -> Decoded:
 
 
 def _plausible(payload: Payload | None, refused: list[str]) -> Payload | None:
-    if isinstance(payload, Intrinsics):
-        return _lens(payload, refused)
     if isinstance(payload, Boxes):
         return _boxes(payload, refused)
     if isinstance(payload, tuple):
@@ -53,37 +45,6 @@ def _plausible(payload: Payload | None, refused: list[str]) -> Payload | None:
             for item in payload
         )
     return payload
-
-
-def _lens(lens: Intrinsics, refused: list[str]) -> Intrinsics | None:
-    low, high = FOCAL_PX
-    fx_px, fy_px = lens.fx_px, lens.fy_px
-    for name, value in (("fx", fx_px), ("fy", fy_px)):
-        if not low <= value <= high:
-            refused.append(f"focal length {name} {value:g} px is impossible")
-    if not (low <= fx_px <= high and low <= fy_px <= high):
-        return None
-    if not FOCAL_RATIO[0] <= fx_px / fy_px <= FOCAL_RATIO[1]:
-        refused.append(f"focal lengths {fx_px:g} and {fy_px:g} px are not of one lens")
-        return None
-    cx_px = _centre("x", lens.cx_px, lens.width_px, refused)
-    cy_px = _centre("y", lens.cy_px, lens.height_px, refused)
-    if math.isnan(cx_px) or math.isnan(cy_px):
-        return None
-    return (
-        lens
-        if (cx_px, cy_px) == (lens.cx_px, lens.cy_px)
-        else replace(lens, cx_px=cx_px, cy_px=cy_px)
-    )
-
-
-def _centre(axis: str, value_px: float, size_px: int, refused: list[str]) -> float:
-    """Return a coordinate of the centre; the middle of the picture for an impossible one."""
-    bound = CENTRE_IN_SIZES * (size_px or 1e5)
-    if abs(value_px) <= bound:
-        return value_px
-    refused.append(f"centre {axis} {value_px:g} px is impossible; taken as the picture's middle")
-    return (size_px - 1) / 2 if size_px else NAN
 
 
 def _boxes(boxes: Boxes, refused: list[str]) -> Boxes:

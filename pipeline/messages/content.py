@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from pipeline.core.exposure import Exposure
-from pipeline.core.records import Boxes, Intrinsics, RawLayout, TrueObject
+from pipeline.core.records import Boxes, LensClaim, RawLayout, TrueObject
 from pipeline.messages.tree import Tree
 
 
@@ -53,7 +53,7 @@ class Transform:
 Payload = (
     EncodedImage
     | VideoPacket
-    | Intrinsics
+    | LensClaim
     | Exposure
     | tuple[TrueObject, ...]
     | Boxes

@@ -16,7 +16,10 @@ CODECS = {
     "av1": "av1",
     "vp9": "vp9",
 }
-_NOT_LIGHT = "the pictures hold distances ({}), not light; they are not read"
+_NOT_LIGHT = (
+    "the pictures hold distances ({}), not light; they are not read as pictures. Name a topic with "
+    "pictures of light, if there is one"
+)
 
 
 def compressed_image(tree: Tree) -> Decoded:
@@ -26,7 +29,8 @@ def compressed_image(tree: Tree) -> Decoded:
     """
     stated = text(tree, "format")
     codec = codec_of(stated)
-    if "compressedDepth" in stated:
+    # image_transport states the encoding before compression: "16UC1; png compressed"
+    if "compressedDepth" in stated or stated.split(";")[0].strip().lower() in DEPTH_ENCODINGS:
         return _none(tree, _NOT_LIGHT.format(stated))
     data = blob(tree, "data")
     payload: Payload = VideoPacket(codec, data) if codec else EncodedImage(stated, data)

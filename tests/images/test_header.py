@@ -96,3 +96,19 @@ def test_animations_are_refused() -> None:
 def test_no_header_is_too_strange(tail: bytes, start: bytes) -> None:
     image_size(start + tail)
     hidden_cost(start + tail, 100)
+
+
+@pytest.mark.parametrize("stray", [b"\x00", b"\x00\x00\x12", b"\xff\x00", b"garbage" * 9])
+def test_stray_bytes_between_segments_are_skipped_as_decoders_do(stray: bytes) -> None:
+    """Some cameras leave them; OpenCV and Pillow read such pictures."""
+    plain = jpeg(progressive=False)
+    at = 4 + int.from_bytes(plain[4:6], "big")
+    dirty = plain[:at] + stray + plain[at:]
+    assert image_size(dirty) == image_size(plain)
+    ours = decode(dirty, max_pixels=10**7, full_resolution=True).bgr
+    assert np.array_equal(ours, decode(plain, max_pixels=10**7, full_resolution=True).bgr)
+
+
+def test_bytes_that_only_start_as_a_jpeg_have_no_size() -> None:
+    assert image_size(b"\xff\xd8" + b"x" * 10_000) is None
+    assert image_size(b"\xff\xd8" + b"\xff\x00" * 10_000) is None

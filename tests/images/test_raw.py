@@ -61,7 +61,15 @@ def stored(bgr: np.ndarray) -> dict[str, np.ndarray]:
         "rgba8": np.dstack([bgr[..., ::-1], np.full(bgr.shape[:2], 9, np.uint8)]),
         "rgb16": bgr[..., ::-1].astype("<u2") << 8,
         **{f"bayer_{p}8": mosaic(bgr, p) for p in ("rggb", "bggr", "gbrg", "grbg")},
+        "rgba16": np.dstack([bgr[..., ::-1], np.full(bgr.shape[:2], 9)]).astype("<u2") << 8,
+        "bgra16": np.dstack([bgr, np.full(bgr.shape[:2], 9)]).astype("<u2") << 8,
         "bayer_rggb16": mosaic(bgr, "rggb").astype("<u2") << 8,
+        "BayerRG8": mosaic(bgr, "rggb"),
+        "BayerBG8": mosaic(bgr, "bggr"),
+        "BayerGB8": mosaic(bgr, "gbrg"),
+        "BayerGR16": mosaic(bgr, "grbg").astype("<u2") << 8,
+        "RGB8Packed": bgr[..., ::-1],
+        "YUV422_8": uyvy(bgr, (0, 1)),
         "uyvy": uyvy(bgr, (1, 0)),
         "yuv422": uyvy(bgr, (1, 0)),
         "yuyv": uyvy(bgr, (0, 1)),
@@ -117,7 +125,8 @@ def test_what_must_wait_becomes_a_jpeg_of_the_same_picture() -> None:
     assert kept.image == as_jpeg(scene().tobytes(), layout)
     back = decode(kept.image, max_pixels=10**5, full_resolution=True).bgr
     assert np.abs(back.astype(int) - scene()).mean() < 3
-    assert compressed(frame(0, b"too short", layout=layout)).image == b""
+    short = frame(0, b"too short", layout=layout)
+    assert compressed(short) is short  # so that the reason is told when it is decoded
     assert compressed(frame(0, b"jpeg")).image == b"jpeg"
 
 
@@ -135,3 +144,12 @@ def test_any_layout_decodes_or_is_refused(
     layout = RawLayout(encoding, width, height, step)
     with contextlib.suppress(UndecodableImage):
         assert decode_raw(data, layout, reduction).shape[2] == 3
+
+
+@pytest.mark.parametrize("encoding", ["mono12", "BayerRG12p", "yuv444", "32FC3", ""])
+def test_an_encoding_that_is_not_read_is_named_whatever_else_is_wrong(encoding: str) -> None:
+    for data in (b"", b"too short", bytes(10_000)):
+        with pytest.raises(UndecodableImage, match="is not read") as caught:
+            decode(data, max_pixels=10**5, layout=RawLayout(encoding, WIDTH, HEIGHT))
+        assert repr(encoding) in str(caught.value)
+        assert "mono16" in str(caught.value)

@@ -9,14 +9,22 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.core.config import CameraConfig, Config
+from pipeline.core.config import CameraConfig, Config, ExposureFields
 from pipeline.core.errors import UsageError
 from pipeline.core.exposure import UNKNOWN_EXPOSURE
-from pipeline.core.lens import fit_to_picture, intrinsics_of, lens_of
+from pipeline.core.lens import (
+    Lens,
+    fit_to_picture,
+    intrinsics_of,
+    lens_of,
+    lens_sources,
+    overridden,
+)
 from pipeline.core.records import Intrinsics
 from pipeline.importing.video_file import UnreadableVideo, VideoImport, import_video
 from pipeline.ingest.survey import survey
 
+NO_DATA = Lens(np.nan, np.nan, np.nan, np.nan, np.nan)
 RECORDED = Intrinsics(640, 480, 500.0, 510.0, 319.5, 239.5, "plumb_bob", (0.1, 0, 0, 0, 0))
 
 
@@ -80,15 +88,15 @@ def test_the_focal_length_for_35_mm_film_gives_the_angles(focal_length_mm: float
     assert np.degrees(2 * np.arctan(2500 / found.fx_px)) == pytest.approx(79.5, abs=0.1)
 
 
-def test_a_stated_pitch_and_a_calibration_go_before_the_equivalent_a_camera_file_after() -> None:
+def test_camera_file_stated_pitch_and_calibration_go_before_the_equivalent() -> None:
     exposure = replace(UNKNOWN_EXPOSURE, focal_length_mm=4.3, focal_length_35mm_mm=26.0)
     file = CameraConfig("c", pixel_pitch_x_um=9.0, pixel_pitch_y_um=9.0)
-    assert lens_of(exposure, file, None, 4000, 3000).pixel_pitch_x_um == pytest.approx(
-        1.431, abs=1e-3
-    )
+    assert lens_of(exposure, file, None, 4000, 3000).pixel_pitch_x_um == 9.0
+    alone = lens_of(exposure, CameraConfig("c"), None, 4000, 3000)
+    assert alone.pixel_pitch_x_um == pytest.approx(1.431, abs=1e-3)
     calibrated = lens_of(exposure, CameraConfig("c"), RECORDED, 640, 480)
     assert calibrated.pixel_pitch_x_um == pytest.approx(4.3e3 / RECORDED.fx_px)
-    stated = lens_of(replace(exposure, pixel_pitch_x_um=1.4), file, None, 4000, 3000)
+    stated = lens_of(replace(exposure, pixel_pitch_x_um=1.4), CameraConfig("c"), None, 4000, 3000)
     assert stated.pixel_pitch_x_um == 1.4
     assert not calibrated.by_equivalent
     assert not stated.by_equivalent
@@ -105,6 +113,49 @@ def test_lens_data_that_contradict_the_calibration_are_told() -> None:
     _, source, complaint = intrinsics_of(RECORDED, CameraConfig("c"), lens, 640, 480)
     assert source == "recording"
     assert "12821 px" in (complaint or "")
+
+
+def test_the_camera_file_goes_before_the_recording_value_by_value() -> None:
+    """Focal length by the file; centre and distortion of a calibration that agrees are kept."""
+    near = CameraConfig("c", fx_px=505.0)
+    found, source, complaint = intrinsics_of(RECORDED, near, NO_DATA, 640, 480)
+    assert found is not None
+    assert (found.fx_px, found.fy_px, source, complaint) == (505.0, 505.0, "camera_file", None)
+    assert (found.cx_px, found.distortion) == (RECORDED.cx_px, RECORDED.distortion)
+    assert lens_sources(found, near, source) == ("assumed", "recording")  # the middle to the pixel
+
+    far = CameraConfig("c", fx_px=800.0, cx_px=310.0, cy_px=250.0)
+    found, source, complaint = intrinsics_of(RECORDED, far, NO_DATA, 640, 480)
+    assert found is not None
+    assert (found.fx_px, found.cx_px, found.distortion) == (800.0, 310.0, ())
+    assert source == "camera_file"
+    assert "500 px" in (complaint or "")
+    assert lens_sources(found, far, source) == ("camera_file", "assumed")
+
+    centre = CameraConfig("c", cx_px=310.0, cy_px=250.0)
+    found, source, _ = intrinsics_of(RECORDED, centre, NO_DATA, 640, 480)
+    assert found is not None
+    assert (found.fx_px, found.cx_px, source) == (500.0, 310.0, "recording")
+
+
+def test_focal_length_and_pitch_of_the_file_replace_a_calibration_that_they_contradict() -> None:
+    file = CameraConfig("c", focal_length_mm=4.0, pixel_pitch_x_um=2.0, pixel_pitch_y_um=2.0)
+    lens = lens_of(UNKNOWN_EXPOSURE, file, RECORDED, 640, 480)
+    found, source, complaint = intrinsics_of(RECORDED, file, lens, 640, 480)
+    assert found is not None
+    assert (found.fx_px, source) == (2000.0, "lens_data")
+    assert "not used" in (complaint or "")
+
+
+def test_values_of_the_file_that_a_recording_contradicts_are_told() -> None:
+    exposure = replace(UNKNOWN_EXPOSURE, f_number=2.8, focal_length_mm=4.0)
+    file = CameraConfig("c", f_number=4.0, focal_length_mm=4.1)
+    assert lens_of(exposure, file, None, 640, 480).f_number == 4.0
+    assert "f_number 4" in (overridden(exposure, file) or "")
+    assert "focal_length_mm" not in (overridden(exposure, file) or "")
+    named = replace(file, exposure=ExposureFields(f_number="/diag.f"))
+    assert lens_of(exposure, named, None, 640, 480).f_number == 2.8
+    assert overridden(exposure, named) is None
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from pipeline.core.camera_file import write_camera_file
 from pipeline.core.config import CameraConfig, Config, ExposureFields, load_config
 from pipeline.core.diagnostics import Notes
 from pipeline.core.errors import UsageError
-from pipeline.core.records import Boxes, Intrinsics, Pairing
+from pipeline.core.records import Boxes, LensClaim, Pairing
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.mcap_file.reader import McapFile
 from pipeline.mcap_file.writer import RecordingWriter, image_message, schema_of, timestamp
@@ -68,21 +68,26 @@ def test_boxes_of_every_version_of_vision_msgs(centre: dict[str, Any]) -> None:
     assert (found.class_name, found.object_id) == (("car",), ("9",))
 
 
-def test_binning_and_region_move_the_centre() -> None:
-    tree = {"K": K, "width": 640, "height": 480, "binning_x": 2, "binning_y": 2}
-    found = camera_calibration(tree).payload
-    assert found == Intrinsics(320, 240, 250.0, 255.0, 160.0, 120.0)
-    region = {"x_offset": 100, "y_offset": 50, "width": 200, "height": 100}
-    found = camera_calibration(tree | {"binning_x": 1, "binning_y": 1, "roi": region}).payload
-    assert found == Intrinsics(200, 100, 500.0, 510.0, 220.5, 190.5)
-
-
 def test_an_unknown_distortion_model_is_told() -> None:
     tree = {"K": K, "D": [0.1, 0.2], "distortion_model": "inverse_brown_conrady"}
     found = camera_calibration(tree)
-    assert isinstance(found.payload, Intrinsics)
+    assert isinstance(found.payload, LensClaim)
     assert (found.payload.distortion_model, found.payload.distortion) == ("", ())
     assert "inverse_brown_conrady" in found.refused[0]
+
+
+@pytest.mark.parametrize(
+    ("count", "model"), [(5, "plumb_bob"), (8, "rational_polynomial"), (4, ""), (3, "")]
+)
+def test_coefficients_without_a_model_are_of_the_only_model_that_has_so_many(
+    count: int, model: str
+) -> None:
+    """Four may be those of a fisheye or of Brown's model: neither is assumed, and that is told."""
+    found = camera_calibration({"k": K, "d": [-0.1] * count, "distortion_model": ""})
+    assert isinstance(found.payload, LensClaim)
+    assert found.payload.distortion_model == model
+    assert len(found.payload.distortion) == (count if model else 0)
+    assert len(found.refused) == 1
 
 
 @pytest.mark.parametrize("k", [[], [0.0] * 9])
@@ -97,7 +102,12 @@ def test_a_camera_that_was_not_calibrated_has_no_calibration(k: list[float]) -> 
 def test_depth_pictures_are_not_light_and_video_hides_in_images() -> None:
     for tree in ({"encoding": "16UC1"}, {"encoding": "32FC1"}):
         assert raw_image(tree).code == "depth_image"
-    assert compressed_image({"format": "16UC1; compressedDepth png"}).payload is None
+    for stated in (
+        "16UC1; compressedDepth png",
+        "16UC1; png compressed ",
+        "32FC1; compressedDepth",
+    ):
+        assert compressed_image({"format": stated}).code == "depth_image"
     assert compressed_image({"format": "h264", "data": b"x"}).payload == VideoPacket("h264", b"x")
 
 
