@@ -18,6 +18,7 @@ from pipeline.core.exposure import FIELDS, UNKNOWN_EXPOSURE, Exposure
 from pipeline.core.records import Diagnostic, Frame, LensClaim, Pairing, Severity
 from pipeline.images.exif import exif_block, exposure_of, read_tags
 from pipeline.images.header import image_size
+from pipeline.ingest.access_units import Times
 from pipeline.ingest.clocks import CameraClock
 from pipeline.ingest.lanes import Lanes
 from pipeline.ingest.lens_readings import NO_LENS, Found, LensReadings
@@ -30,7 +31,7 @@ from pipeline.ingest.plausibility import refuse_implausible
 from pipeline.ingest.pose import CameraPose, TransformTree, UnusablePose
 from pipeline.ingest.sample_bits import SampleBits
 from pipeline.ingest.sources import Channels, Source
-from pipeline.ingest.video_stream import Out, Times
+from pipeline.ingest.video_stream import Out
 from pipeline.ingest.videos import Videos
 from pipeline.ingest.waiting import Waiting, WaitingRoom
 from pipeline.mcap_file.reader import MAX_TIME_NS, McapFile, RawMessage

@@ -75,7 +75,8 @@ def _unpaired(
         text += f"({lane.frame_id!r}) or topic namespace must be those of the pictures"
     else:
         tolerance_ns = max(way.tolerance_ns for way in ways.values())
-        text += f" within {tolerance_ns / 1e6:.0f} ms, and were not used"
+        text += f" within {tolerance_ns / 1e6:.0f} ms" if tolerance_ns else ""
+        text += ", and were not used"
         if not few:
             text += (
                 ": their times or their pictures are missing or wrong; let the detector copy the "

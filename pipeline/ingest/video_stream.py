@@ -12,12 +12,14 @@ specification 0.6, section 6.2; the AV1 bitstream specification, section 5.3.
 from __future__ import annotations
 
 from bisect import insort
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from pipeline.core.errors import MissingLibrary
 from pipeline.core.extras import how_to_install
 from pipeline.core.records import RawLayout
+from pipeline.ingest.access_units import FRAMED, AccessUnit, AccessUnits, Times
+from pipeline.ingest.nal_units import units_of
 from pipeline.messages.content import EncodedImage
 
 if TYPE_CHECKING:
@@ -35,13 +37,10 @@ _FULL_RANGE = 2  # AVCOL_RANGE_JPEG
 _AV1_SEQUENCE_HEADER = 1
 _HEVC_IRAP = range(16, 24)
 _H264_IDR = 5
-
-
-class Times(NamedTuple):
-    """Times of a packet: of its logging, and of its capture as it states it."""
-
-    log_time_ns: int
-    capture_time_ns: int | None
+_LOST = "a part of the stream before it was lost"
+_UNCLEAN = "it builds on pictures that are missing, until the stream is clean again"
+# What FFmpeg's decoder says of a stream that is whole, too.
+_HARMLESS = ("mmco",)
 
 
 class Out(NamedTuple, Generic[Item]):
@@ -64,33 +63,58 @@ class VideoStream(Generic[Item]):
         self.codec = codec
         self._max_pixels = max_pixels
         self._error: type[Exception] = ValueError
+        self._logged: Callable[[], tuple[int, str]] = lambda: (0, "")
         self._context = self._open()
+        self._reason = _LOST
         self._waiting_for_key = True
         self._started = False
         self._number = 0
+        self._clean_from = 0  # number of the first picture that is clean
+        self._units: AccessUnits[Item] | None = AccessUnits(codec) if codec in FRAMED else None
+        self._gap = ""  # lost before the next picture
         self._sent: dict[int, tuple[Item, bool]] = {}  # by number; whether it states its time
         self._log_times: list[int] = []  # of what was sent, sorted
         self._capture_times: list[int] = []
 
-    def lose(self) -> None:
-        """Say that packets before the next one were lost."""
-        self._waiting_for_key = True
+    def lose(self) -> Iterator[Out[Item]]:
+        """Say that packets before the next one were lost; yield what was complete before them."""
+        if self._units is None:
+            self._gap = _LOST
+            return
+        for unit in self._units.lose(_LOST):
+            yield from self._decode(unit)
 
     def decode(self, data: bytes, item: Item, times: Times) -> Iterator[Out[Item]]:
-        """Take a packet; yield the frames that are complete with it, in the order of time."""
+        """Take a message; yield the frames that are complete with it, in the order of time."""
+        if self._units is None:
+            key = 0 if is_key_frame(self.codec, data) else None
+            gap, self._gap = self._gap, ""
+            yield from self._decode(AccessUnit(item, times, data, key, gap))
+            return
+        for unit in self._units.take(data, item, times):
+            yield from self._decode(unit)
+
+    def _decode(self, unit: AccessUnit[Item]) -> Iterator[Out[Item]]:
+        if not unit.data:
+            yield self._without(unit.item, unit.times, "the message holds nothing of a stream")
+            return
+        if unit.gap:
+            self._reason = unit.gap
+            self._waiting_for_key = True
         if self._waiting_for_key:
-            if not is_key_frame(self.codec, data):
-                gap = "a part of the stream before it was lost" if self._started else "no key frame"
-                yield self._without(item, times, f"it cannot be decoded: {gap} came before it")
+            if unit.recovers_after is None:
+                reason = self._reason if self._started else "no key frame came before it"
+                yield self._without(unit.item, unit.times, f"it cannot be decoded: {reason}")
                 return
             if self._started:
-                yield from self.flush()
+                yield from self._end()
             self._waiting_for_key = False
+            self._clean_from = self._number + unit.recovers_after
         self._started = True
-        self._keep(item, times)
+        self._keep(unit.item, unit.times)
         self._number += 1
         try:
-            pictures = self._pictures(data, self._number - 1)
+            pictures = self._pictures(unit.data, self._number - 1)
         except (self._error, ValueError) as error:
             yield from self._fail(f"the decoder refuses it: {error}")
             return
@@ -100,7 +124,12 @@ class VideoStream(Generic[Item]):
             yield self._lost(number, _NOTHING)
 
     def flush(self) -> Iterator[Out[Item]]:
-        """Yield what the decoder holds back, and tell what it never gave; then start afresh."""
+        """Yield what is held back, and tell what the decoder never gave; then start afresh."""
+        for unit in self._units.flush() if self._units is not None else ():
+            yield from self._decode(unit)
+        yield from self._end()
+
+    def _end(self) -> Iterator[Out[Item]]:
         try:
             rest = self._context.decode(None) if self._started else []
         except (self._error, ValueError):
@@ -120,6 +149,12 @@ class VideoStream(Generic[Item]):
             ) from error
         av.logging.set_level(av.logging.PANIC)  # what is wrong is told in the diagnostics
         self._error = av.error.FFmpegError
+
+        def logged() -> tuple[int, str]:
+            count, last = av.logging.get_last_error()
+            return count, last[2].strip() if last else ""
+
+        self._logged = logged
         context: Any = av.CodecContext.create(_DECODERS.get(self.codec, self.codec), "r")
         context.thread_count = 1  # the other cores decode and measure the frames before
         context.options = {"max_pixels": str(self._max_pixels)}
@@ -132,7 +167,12 @@ class VideoStream(Generic[Item]):
 
         packet = Packet(data)
         packet.pts = packet.dts = number
+        before, _ = self._logged()
         pictures: list[VideoFrame] = self._context.decode(packet)
+        count, text = self._logged()
+        if count != before and not text.startswith(_HARMLESS):
+            # It goes on without what is missing, and would show smears up to the next key frame.
+            raise ValueError(text)
         return pictures
 
     def _shown(self, picture: VideoFrame) -> Iterator[Out[Item]]:
@@ -142,6 +182,9 @@ class VideoStream(Generic[Item]):
         if not self._context.has_b_frames:
             for number in [n for n in self._sent if n < picture.pts]:
                 yield self._lost(number, _NOTHING)
+        if picture.pts < self._clean_from:
+            yield self._lost(picture.pts, _UNCLEAN)
+            return
         if getattr(picture, "is_corrupt", False):
             yield self._lost(picture.pts, "the decoder says that it is damaged")
             return
@@ -191,20 +234,12 @@ def _pixels(picture: VideoFrame) -> tuple[bytes, RawLayout]:
 def is_key_frame(codec: str, data: bytes) -> bool:
     """Return whether a packet can be decoded with nothing before it."""
     if codec == "h264":
-        return any(head & 0x1F == _H264_IDR for head in _nal_heads(data))
+        return any(unit[0] & 0x1F == _H264_IDR for unit in units_of(codec, data))
     if codec == "hevc":
-        return any(head >> 1 & 0x3F in _HEVC_IRAP for head in _nal_heads(data))
+        return any(unit[0] >> 1 & 0x3F in _HEVC_IRAP for unit in units_of(codec, data))
     if codec == "vp9":
         return _is_vp9_key(data)
     return _AV1_SEQUENCE_HEADER in _av1_unit_types(data)
-
-
-def _nal_heads(data: bytes) -> Iterator[int]:
-    """Yield the first byte of each unit behind a start code (H.264 and H.265, annex B)."""
-    at = data.find(b"\0\0\1")
-    while 0 <= at < len(data) - 3:
-        yield data[at + 3]
-        at = data.find(b"\0\0\1", at + 3)
 
 
 def _is_vp9_key(data: bytes) -> bool:

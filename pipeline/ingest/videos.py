@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pipeline.core.errors import UnsupportedChannel
-from pipeline.ingest.video_stream import READ_CODECS, Out, Times, VideoStream
+from pipeline.ingest.access_units import Times
+from pipeline.ingest.video_stream import READ_CODECS, Out, VideoStream
 from pipeline.mcap_file.reader import McapFile, RawMessage
 from pipeline.messages.content import VideoPacket
 
@@ -34,7 +35,7 @@ class Videos:
         if self._file.damage_count != self._damage_seen:
             self._damage_seen = self._file.damage_count
             for stream in self._streams.values():
-                stream.lose()
+                yield from stream.lose()
         topic = raw.channel.topic
         known = self._streams.get(topic)
         if known is None or known.codec != packet.codec:

@@ -20,6 +20,7 @@ from pipeline.core.records import Diagnostic, Frame, Severity
 from pipeline.core.timing import Spent, StageTimes, Stopwatch
 from pipeline.images.decode import Picture
 from pipeline.ingest.frames import FrameAssembler
+from pipeline.ingest.video_stream import READ_CODECS
 from pipeline.parallel.opencv_threads import OpenCvThreads
 from pipeline.parallel.prefetch import ahead
 from pipeline.run.camera_stage import LEARNING_PICTURES, CameraStage, Decoded
@@ -133,7 +134,8 @@ class PictureStream:
             return Decoded(frame, picture)
         except UndecodableImage as error:
             self.undecodable += 1
-            self._notes.add(_undecodable(frame, error))
+            if frame.image or frame.image_format not in READ_CODECS:  # else it is told as a gap
+                self._notes.add(_undecodable(frame, error))
             return Decoded(frame, None)
 
 

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
 from pipeline.images.raw import decode_raw
+from pipeline.ingest.access_units import Times
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.video_stream import Out, Times, VideoStream, is_key_frame
+from pipeline.ingest.video_stream import Out, VideoStream, is_key_frame
 from pipeline.mcap_file.reader import McapFile
 from pipeline.mcap_file.writer import timestamp
 from tests.support.damage import SmallChunks, flipped
@@ -96,7 +97,7 @@ def test_a_stream_resumes_at_the_next_key_frame() -> None:
     outs = []
     for number, (pts, data) in enumerate(packets):
         if number == 13:  # lost with a damaged chunk
-            stream.lose()
+            outs += stream.lose()
             continue
         outs += stream.decode(data, number, Times(number, pts))
     outs += stream.flush()
@@ -125,7 +126,9 @@ def test_any_bytes_are_a_loss_and_no_more(codec: str, junk: list[bytes], key: bo
     start = {"h264": b"\0\0\1\x65", "hevc": b"\0\0\1\x26", "vp9": b"\x82", "av1": b"\x0a\x01"}
     packets = [(i, (start[codec] if key else b"") + data) for i, data in enumerate(junk)]
     outs = run(codec, packets)
-    assert len(outs) == len(packets)
+    assert all(out.problem for out in outs)
+    if codec in ("av1", "vp9"):  # of the others, one message need not be one picture
+        assert len(outs) == len(packets)
 
 
 def write_video(path: Path, packets: list[Packet], codec: str = "h264") -> None:
