@@ -233,6 +233,10 @@ class CameraConfig:
     blur_floor_std_px: float = 0.0
     pixel_pitch_x_um: float = NAN
     pixel_pitch_y_um: float = NAN
+    # Hints, for what a data sheet says instead; see `pipeline.core.sensors`.
+    focal_length_35mm_mm: float = NAN  # of the lens that sees the same angle before 35 mm film
+    hfov_deg: float = NAN  # the angle from the left edge of the picture to the right one
+    sensor: str = ""  # a name in `pipeline.core.sensors.table`, such as 1/2.8
     fx_px: float = NAN
     fy_px: float = NAN
     cx_px: float = NAN

@@ -7,17 +7,16 @@ from dataclasses import dataclass, replace
 
 from pipeline.core.arrays import NAN
 from pipeline.core.config import CameraConfig
-from pipeline.core.exposure import FIELDS, Exposure
+from pipeline.core.exposure import FIELDS, UNKNOWN_EXPOSURE, Exposure
 from pipeline.core.records import Intrinsics
+from pipeline.core.sensors.hints import with_hints
+from pipeline.core.sensors.table import DIAGONAL_35MM_MM
 
 # A picture that was scaled keeps its aspect ratio to within the rounding of its sides.
 ASPECT_TOLERANCE = 0.01
 # Focal length over pixel pitch and a calibrated focal length in pixels differ by the focus (v > f)
 # and by rounding of the lens data, both under a few per cent; more is a contradiction.
 FOCAL_TOLERANCE = 0.05
-# The diagonal of a frame of 35 mm film, 43.27 mm. A lens of the equivalent focal length sees the same
-# angle across it as the real lens across the picture (CIPA DCG-001; EXIF 2.32, FocalLengthIn35mmFilm).
-DIAGONAL_35MM_MM = math.hypot(36.0, 24.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +44,10 @@ def lens_of(
 
     Fields of other channels that the camera file names are its word too, so a number beside them only
     fills. Where no pitch is stated, but the focal length for 35 mm film, that gives the pitch, unless
-    the recording holds a calibration: the equivalent is rounded to a millimetre.
+    the recording holds a calibration: the equivalent is rounded to a millimetre. Hints of the camera
+    file (`pipeline.core.sensors.hints`) count as the keys that they stand for.
     """
+    camera, exposure = with_hints(camera, exposure, width_px, height_px)
     focal_length_mm = _stated("focal_length_mm", exposure, camera)
     equivalent_mm, pitch_um = exposure.focal_length_35mm_mm, NAN
     stated_um = _stated("pixel_pitch_x_um", exposure, camera)
@@ -129,9 +130,11 @@ def intrinsics_of(
     What the camera file states goes first, value by value. Else the calibration of the recording,
     scaled to the picture if it was made at another size, unless focal length and pixel pitch of the
     camera file contradict it; else focal length and pixel pitch, or the focal length for 35 mm film
-    alone, with the centre assumed in the middle. A calibration whose focal length the camera file
+    alone, with the centre assumed in the middle. A hint of the camera file (an angle of view, a sensor)
+    goes first only where the calibration contradicts it. A calibration whose focal length the camera file
     replaces keeps its centre and distortion only if the two agree.
     """
+    hinted, _ = with_hints(camera, UNKNOWN_EXPOSURE, width_px, height_px)
     complaint = None
     fitted = fit_to_picture(recorded, width_px, height_px) if recorded is not None else None
     if recorded is not None and fitted is None:
@@ -139,8 +142,8 @@ def intrinsics_of(
             f"the calibration is for {recorded.width_px}x{recorded.height_px}, the pictures are "
             f"{width_px}x{height_px}, another shape; it was not used"
         )
-    given_px = camera.fx_px
-    if math.isnan(given_px) and _states_lens(camera):
+    given_px = hinted.fx_px
+    if math.isnan(given_px) and _states_lens(hinted):
         given_px = lens.focal_length_mm * 1e3 / lens.pixel_pitch_x_um
     if recorded is not None and fitted is not None:
         complaint = _contradiction(fitted, lens) or _scaling(recorded, fitted)
@@ -159,8 +162,8 @@ def intrinsics_of(
         diagonal_px = math.hypot(width_px, height_px)
         fx_px = fy_px = lens.focal_length_35mm_mm * diagonal_px / DIAGONAL_35MM_MM
     source = "lens_data"
-    if math.isfinite(camera.fx_px):
-        fx_px, fy_px, source = camera.fx_px, camera.fx_px, "camera_file"
+    if math.isfinite(hinted.fx_px):
+        fx_px, fy_px, source = hinted.fx_px, hinted.fx_px, "camera_file"
     if not math.isfinite(fx_px + fy_px):
         return None, None, complaint
     middle_px = (width_px - 1) / 2, (height_px - 1) / 2

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 from pipeline.core.exposure import FIELDS
+from pipeline.core.sensors.table import like, sensor_named
 from pipeline.core.stature import MEAN_CM
 
 INFINITY = math.inf
@@ -53,6 +54,7 @@ _LENS = {
     name: Bound(*FIELDS[name].bounds)
     for name in (
         "focal_length_mm",
+        "focal_length_35mm_mm",
         "f_number",
         "focus_distance_m",
         "pixel_pitch_x_um",
@@ -84,6 +86,8 @@ BOUNDS: Mapping[str, Mapping[str, Bound]] = {
         **_LENS,
         "blur_floor_px": Bound(0.0, 1000.0),
         "blur_floor_std_px": Bound(0.0, 1000.0),
+        # No plane picture shows half a turn; beyond 170 degrees a pinhole camera says nothing.
+        "hfov_deg": Bound(0.1, 170.0),
         "fx_px": _FOCAL_PX,
         "fy_px": _FOCAL_PX,
         "cx_px": Bound(-1e6, 1e6),
@@ -155,6 +159,8 @@ def _contradictions(config: Any) -> Iterator[str]:
     for index, camera in enumerate(getattr(config, "camera", ())):
         key = f"camera[{index}]"
         yield from _country(camera, f"{key}.country")
+        if camera.sensor and sensor_named(camera.sensor) is None:
+            yield f"{key}.sensor {camera.sensor!r} is not known; known are {_quoted(camera.sensor)}"
         if not camera.name:
             yield f"{key}.name is empty; it must be a frame_id or a topic of images"
         if camera.name in names:
@@ -171,6 +177,10 @@ def _contradictions(config: Any) -> Iterator[str]:
     for index, fitted in enumerate(getattr(config, "calibration", ())):
         if fitted.depth_min_m > fitted.depth_max_m:
             yield f"calibration[{index}].depth_min_m must be at most depth_max_m"
+
+
+def _quoted(name: str) -> str:
+    return ", ".join(f'"{known}"' for known in like(name))
 
 
 def _country(table: Any, key: str) -> Iterator[str]:

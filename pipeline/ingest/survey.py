@@ -10,6 +10,7 @@ from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
 from pipeline.core.exposure import FIELDS, Exposure
 from pipeline.core.records import Frame, Intrinsics, Pairing
+from pipeline.core.sensors.hints import WAYS_TO_GIVE_A_LENS, gives_lens
 from pipeline.images.header import image_size
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.pose import CameraPose
@@ -57,6 +58,7 @@ class CameraSurvey:
     pose: CameraPose | None = None
     truth_count: int = 0
     detection_count: int = 0
+    lens_given: bool = False  # by the camera file
 
     @property
     def frame_rate(self) -> float:
@@ -96,11 +98,12 @@ class CameraSurvey:
         if "f_number" not in known:
             lacks.append("no f-number: the methods `aperture` and `defocus` do not apply")
         by_lens = {"focal_length_mm", "pixel_pitch_x_um"} <= set(known)
-        if self.intrinsics is None and not by_lens and "focal_length_35mm_mm" not in known:
+        by_equivalent = "focal_length_35mm_mm" in known
+        if not (self.intrinsics or by_lens or by_equivalent or self.lens_given):
             lacks.append(
                 "no lens data (a calibration, or focal length and pixel pitch): distances can be "
-                "estimated only if enough people walk here to find the focal length; give them in a "
-                "camera file"
+                "estimated only if enough people walk here to find the focal length; give "
+                f"{WAYS_TO_GIVE_A_LENS} in a camera file"
             )
         return lacks
 
@@ -156,6 +159,7 @@ def survey(path: Path, config: Config, *, whole: bool = True) -> Survey:
             whole = True
     for camera in cameras.values():
         camera.pose = assembler.poses.get(camera.camera)
+        camera.lens_given = gives_lens(config.camera_named(camera.camera))
     statistics = None if whole else statistics_of(path, config.limits)
     return Survey(
         path,

@@ -11,6 +11,7 @@ from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
 from pipeline.core.lens import Lens, intrinsics_of, lens_of
 from pipeline.core.records import Boxes, Diagnostic, Frame, Intrinsics, Severity
+from pipeline.core.sensors.hints import assumption_of
 from pipeline.core.timing import StageTimes
 from pipeline.detect import AS_GIVEN, Detector, make_detector
 from pipeline.images.decode import Picture, decode
@@ -166,7 +167,11 @@ class CameraStage:
             self.intrinsics, self._intrinsics_source = found, source
 
     def _note_rounding(self, frame: Frame, source: str | None, lens: Lens) -> None:
-        """Say that angles come from a focal length that cameras round to a millimetre."""
+        """Say that angles come from a data sheet, or from a focal length that cameras round."""
+        assumed = assumption_of(self._settings, self._size_px[0]) if source != "recording" else None
+        if assumed is not None:
+            self._note(frame, *assumed)
+            return
         if source == "lens_data" and lens.by_equivalent:
             share = 0.5 / lens.focal_length_35mm_mm
             self._note(

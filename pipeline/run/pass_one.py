@@ -15,6 +15,7 @@ from pipeline.core.config import Config, Limits
 from pipeline.core.diagnostics import Notes, diagnostics_table
 from pipeline.core.progress import Progress, Report, silent
 from pipeline.core.records import Diagnostic, Severity
+from pipeline.core.sensors.hints import WAYS_TO_GIVE_A_LENS
 from pipeline.core.timing import NOTHING, StageTimes
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.mcap_file.reader import McapFile, Note
@@ -168,7 +169,7 @@ class FirstPass:
                 text = (
                     "neither a calibration nor focal length and pixel pitch are known: "
                     "distances can be estimated only if enough people walk here to find the focal "
-                    "length; give lens data in a camera file"
+                    f"length; give {WAYS_TO_GIVE_A_LENS} in a camera file"
                 )
                 self.notes.add(
                     Diagnostic(
