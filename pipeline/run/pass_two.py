@@ -19,6 +19,7 @@ from pipeline.calibrate.camera_entry import given_pose
 from pipeline.calibrate.stored_lens import known_lens, with_doubt, with_found
 from pipeline.calibrate.walkers.pose import WalkersReport
 from pipeline.calibrate.walkers.pose_and_lens import calibrate_stored
+from pipeline.calibrate.walkers.walker_veto import NotWalkers
 from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_row import CameraRow, camera_rows
 from pipeline.core.config import Config
@@ -113,7 +114,7 @@ def _pose(
     try:
         found = calibrate_stored(measured, camera.row, prior, lines_px=lines_px)
     except CalibrationUndetermined as error:
-        remarks.add([Diagnostic(Severity.INFO, "pose_undetermined", error.problem, camera=name)])
+        remarks.add([_describe_refusal(name, error)])
         return None
     if found.lens is not None:
         camera.row = with_found(camera.row, found.lens)
@@ -135,6 +136,13 @@ def recorded_pose(camera: CameraRow) -> GroundPlane | None:
     if height_m is None or tilt_rad is None or roll_rad is None:
         return None
     return GroundPlane(height_m, tilt_rad, roll_rad, source="transforms")
+
+
+def _describe_refusal(camera: str, error: CalibrationUndetermined) -> Diagnostic:
+    refused = isinstance(error, NotWalkers)
+    severity = Severity.WARNING if refused else Severity.INFO
+    code = "not_walkers" if refused else "pose_undetermined"
+    return Diagnostic(severity, code, f"{error.problem}. {error.remedy}", camera=camera)
 
 
 def _describe_lens(camera: str, lens: FoundLens) -> Diagnostic:
