@@ -61,7 +61,7 @@ class NotWalkers(CalibrationUndetermined):
 
 @dataclass(frozen=True, slots=True)
 class Likeness:
-    """How much the tracks are like walkers, (k,) each; speed in statures a second, NaN is unknown."""
+    """Likeness of tracks to walkers, (k,) each; speed in statures a second, NaN is unknown."""
 
     speed: FloatArray
     aspect: FloatArray  # width over height of the box
