@@ -46,7 +46,8 @@ def import_video(
         name: name of the camera; None takes the only one of the camera file, else "camera".
         start_time: time of the first frame, as a datetime or ISO 8601; UTC if it has no offset.
             None takes the date of the file.
-        frame_rate: frames a second, if the video states none.
+        frame_rate: frames a second, where the video states none or wrong times; None takes the times
+            that the video states.
         from_s: start of an excerpt, in seconds; its frames keep the times of the whole video.
         duration_s: length of the excerpt, in seconds.
         scale: factor by which the pictures are made smaller, above 0 and at most 1.

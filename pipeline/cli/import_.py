@@ -39,7 +39,14 @@ def add(commands: Commands) -> None:
         metavar="ISO",
         help="when the video starts, such as 2026-03-01T08:00:00+01:00 (default: the file's date)",
     )
-    parser.add_argument("--frame-rate", type=float, metavar="HZ", help="if the video has none")
+    parser.add_argument(
+        "--fps",
+        "--frame-rate",
+        dest="frame_rate",
+        type=float,
+        metavar="HZ",
+        help="frames a second, where the video states none or wrong times (default: its own times)",
+    )
     parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S")
     parser.add_argument("--duration", type=float, default=float("inf"), metavar="S")
     parser.add_argument("--scale", type=float, default=1.0, help="shrink the pictures")

@@ -20,8 +20,10 @@ from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
+    part_of,
 )
 from pipeline.messages.exposure import exposure_message
+from pipeline.parallel.apart import Died, call_apart
 
 Image = npt.NDArray[np.uint8]
 # Where a container states no sensible frame rate, time cannot be known; the user must say.
@@ -58,43 +60,106 @@ def import_video(
 ) -> int:
     """Write a recording of a video; return the number of frames.
 
+    The video is decoded in a process of its own, as some broken files end the process that does it.
+
     Raises:
         UnreadableVideo: OpenCV cannot read it, or it holds no frame in the asked time.
         UsageError: the frame rate is neither in the file nor given.
     """
+    if not video.is_file():
+        raise UnreadableVideo("there is no such file", where=Where(video))
+    count = 0
+
+    def report(frames: int) -> None:
+        nonlocal count
+        count = frames
+        progress(frames)
+
+    try:
+        made: int = call_apart(write_recording, video, recording, options, camera, report=report)
+    except Died as error:
+        part_of(recording).unlink(missing_ok=True)
+        raise UnreadableVideo(
+            f"the video library could not go on after {count:,} frames: it {error.problem}",
+            where=Where(video),
+            remedy="The file is broken there; "
+            + ("take the part before with --duration, or convert it" if count else "convert it"),
+        ) from None
+    return made
+
+
+def write_recording(
+    video: Path,
+    recording: Path,
+    options: VideoImport,
+    camera: CameraConfig,
+    report: Callable[[int], None],
+) -> int:
+    """Write a recording of a video in this process; see `import_video`."""
     with _capture(video) as capture:
-        rate = options.frame_rate or capture.get(cv2.CAP_PROP_FPS)
-        if not FRAME_RATES[0] <= rate <= FRAME_RATES[1]:
-            raise UsageError(
-                f"the video states no usable frame rate ({rate:g})",
-                where=Where(video),
-                remedy="Give it with --frame-rate",
-            )
-        first, count = round(options.from_s * rate), 0
+        times = FrameTimes(options.frame_rate, capture.get(cv2.CAP_PROP_FPS), video)
+        count = 0
         with RecordingWriter(recording) as writer:
-            for index, image in enumerate(_images(capture)):
-                if index < first:
+            for image in _images(capture):
+                time_s = times.next(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)
+                if round((time_s - options.from_s) * 1e6) < 0:
                     continue
-                if (index - first) / rate >= options.duration_s:
+                if time_s - options.from_s >= options.duration_s:
                     break
-                time_ns = options.start_time_ns + round(index / rate * 1e9)
+                time_ns = options.start_time_ns + round(time_s * 1e9)
                 _write_frame(writer, image, time_ns, options, camera)
                 count += 1
-                progress(count)
+                report(count)
             if count == 0:
                 raise UnreadableVideo(
                     "no frame could be read in the requested time",
                     where=Where(video),
                     remedy="Check --from and --duration, or convert the video",
                 )
-            writer.add_metadata("stadimeter.import", _provenance(video, rate, options))
+            writer.add_metadata("stadimeter.import", _provenance(video, times, options))
     return count
+
+
+class FrameTimes:
+    """Times of a video's frames since its start: by a rate that was given, else by the container.
+
+    Args:
+        given: frames a second; None takes the container's own times, at a varying rate too.
+        stated: the frame rate that the container states, for frames without a time.
+        video: the file, for errors.
+
+    Raises:
+        UsageError: the frame rate is neither in the file nor given.
+    """
+
+    def __init__(self, given: float | None, stated: float, video: Path) -> None:
+        self.rate = given or stated
+        if not FRAME_RATES[0] <= self.rate <= FRAME_RATES[1]:
+            raise UsageError(
+                f"the video states no usable frame rate ({self.rate:g})",
+                where=Where(video),
+                remedy="Give it with --fps",
+            )
+        self.source = "frame rate as given" if given else "container"
+        self._given = given is not None
+        self._index = -1
+        self._last_s = -math.inf
+
+    def next(self, stated_s: float) -> float:
+        """Return the time of the next frame; `stated_s` is the container's."""
+        self._index += 1
+        if self._given:
+            return self._index / self.rate
+        if not math.isfinite(stated_s) or stated_s <= self._last_s:
+            if self._index:
+                self.source = "container; frames without a time follow at its frame rate"
+            stated_s = self._last_s + 1 / self.rate if self._index else 0.0
+        self._last_s = stated_s
+        return stated_s
 
 
 @contextmanager
 def _capture(video: Path) -> Iterator[cv2.VideoCapture]:
-    if not video.is_file():
-        raise UnreadableVideo("there is no such file", where=Where(video))
     capture = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
     try:
         if not capture.isOpened():
@@ -144,10 +209,11 @@ def _write_frame(
         writer.write(f"{prefix}/exposure", message, time_ns)
 
 
-def _provenance(video: Path, rate: float, options: VideoImport) -> dict[str, str]:
+def _provenance(video: Path, times: FrameTimes, options: VideoImport) -> dict[str, str]:
     return {
         "source": video.name,
-        "frame_rate": f"{rate:g}",
+        "frame_rate": f"{times.rate:g}",
+        "frame_times": times.source,
         "from_s": f"{options.from_s:g}",
         "duration_s": f"{options.duration_s:g}",
         "scale": f"{options.scale:g}",

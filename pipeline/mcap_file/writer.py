@@ -26,6 +26,11 @@ def timestamp(time_ns: int) -> Timestamp:
     return Timestamp(seconds=time_ns // 1_000_000_000, nanos=time_ns % 1_000_000_000)
 
 
+def part_of(path: Path) -> Path:
+    """Return the name of a recording as long as it is not complete."""
+    return path.with_name(path.name + ".part")
+
+
 class RecordingWriter:
     """Writes protobuf messages to an MCAP, each type's schema once, each topic's channel once.
 
@@ -35,7 +40,7 @@ class RecordingWriter:
     def __init__(self, path: Path, *, library: str = "stadimeter") -> None:
         self.path = path
         refuse_special(path, "the recording")
-        self._part = path.with_name(path.name + ".part")
+        self._part = part_of(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         self._stream = self._part.open("wb")
         self._writer = Writer(

@@ -208,5 +208,5 @@ def test_an_excerpt_outside_the_video_is_an_error(video: Path, tmp_path: Path) -
 
 def test_a_frame_rate_that_makes_no_sense_is_asked_for(video: Path, tmp_path: Path) -> None:
     options = VideoImport(0, "c", frame_rate=1e9)
-    with pytest.raises(UsageError, match="--frame-rate"):
+    with pytest.raises(UsageError, match="--fps"):
         import_video(video, tmp_path / "r.mcap", options, CameraConfig("c"))
