@@ -33,7 +33,7 @@ from pipeline.core.calibration import Calibration, Dimension
 from pipeline.core.errors import UsageError, Where
 from pipeline.core.exposure import FIELDS
 from pipeline.core.setting_bounds import impossible_settings
-from pipeline.core.stature import adults_of, adults_of_anywhere
+from pipeline.core.stature import WALKING_M, adults_of, adults_of_anywhere
 
 # A hand-held EXIF clock ticks in whole seconds, a camera driver in microseconds; half a frame
 # period at 25 frames/s is the longest time over which an exposure still belongs to one frame only.
@@ -139,6 +139,14 @@ class SizePrior:
     source: str = ""
     object_count: int = 0  # of which mean and spread were taken; 0: not a sample
     mean_std_m: float = NAN  # how far the mean of those who are here may lie off `mean_m`
+    as_boxes_show: bool = (
+        False  # of people who walk, as boxes are drawn; else of them when standing
+    )
+
+    @property
+    def walking_mean_m(self) -> float:
+        """The mean of people as boxes show them when they walk."""
+        return self.mean_m if self.as_boxes_show else self.mean_m + WALKING_M
 
     @property
     def mean_uncertainty_m(self) -> float:
@@ -163,6 +171,7 @@ ADULT = SizePrior(
     *adults_of_anywhere()[:2],
     source="adults of any country, shod, as boxes show them (NCD-RisC 2020)",
     mean_std_m=adults_of_anywhere().mean_std_m,
+    as_boxes_show=True,
 )
 POPULATION_MEAN_M, POPULATION_MEAN_STD_M = ADULT.mean_m, ADULT.mean_std_m
 
@@ -176,7 +185,13 @@ def adult_of(country: str) -> SizePrior:
     mean_m, std_m, mean_std_m = adults_of(country)
     source = f"adults of {country.upper()}, shod, as boxes show them (NCD-RisC 2020)"
     return SizePrior(
-        "person", Dimension.HEIGHT, mean_m, std_m, source=source, mean_std_m=mean_std_m
+        "person",
+        Dimension.HEIGHT,
+        mean_m,
+        std_m,
+        source=source,
+        mean_std_m=mean_std_m,
+        as_boxes_show=True,
     )
 
 

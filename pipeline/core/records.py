@@ -8,7 +8,7 @@ pixel is (0, 0).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 
 import numpy as np
 import numpy.typing as npt
@@ -179,6 +179,65 @@ class Diagnostic:
     count: int = 1  # how many times it happened; the place is the first one's
 
 
+RANK = 6  # of what is stored of `JointErrors`: the scale, and five directions for all the rest
+
+
+class Error(IntEnum):
+    """The unknowns, in the order of every slope and covariance."""
+
+    LOG_HEIGHT = 0  # of the camera above the ground
+    TILT = 1
+    ROLL = 2
+    REACH = 3  # of all feet before their bodies' axes, a share of the stature
+    SIDE = 4  # boxes too tall by this share a standard deviation farther right
+    NEAR_HEAD = 5  # their heads too high by this share when e times nearer
+    NEAR_FOOT = 6  # their feet too low by this share when e times nearer
+    ALL = 7  # all boxes too tall by this share
+    BEND = 8  # points times (1 + k r^2) are where they should be
+    LOG_FOCAL = 9
+
+
+BOXES = (Error.SIDE, Error.NEAR_HEAD, Error.NEAR_FOOT, Error.ALL)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointErrors:
+    """Errors that a camera's pose has in common with the very boxes it was found from.
+
+    One linear model holds them: the unknowns of `Error`, with one covariance C. An error of a height or
+    a depth is its slopes over them times their errors, so what two of them have in common cancels or
+    adds by itself. Everything is in logarithms: a slope is by how much of itself a length is off.
+
+    The covariance is in parts, each a factor F (10, k) with F F' the covariance.
+
+    `scale` is what the mean stature of the people here, or what is known instead, may be off;
+    `boxes` what the considered biases of boxes do, with what the pose does for them; `camera` the rest.
+    """
+
+    scale: FloatArray  # (10, 1)
+    camera: FloatArray  # (10, k)
+    boxes: FloatArray  # (10, k)
+    low_rank: FloatArray  # (10, RANK) about all of them; the first column is that of the scale
+    near_log_m: float  # the log of the depth at which boxes are neither near nor far
+    right_mean: float  # of columns of feet, normalised
+    right_std: float
+
+    @property
+    def covariance(self) -> FloatArray:
+        """C, (10, 10)."""
+        whole = np.hstack([self.scale, self.camera, self.boxes])
+        return np.asarray(whole @ whole.T)
+
+    def variance(self, slopes: FloatArray) -> FloatArray:
+        """Return the variance of what has these slopes, (n, 10), in all parts, (n,)."""
+        return self.variance_of(slopes, np.hstack([self.scale, self.camera, self.boxes]))
+
+    @staticmethod
+    def variance_of(slopes: FloatArray, factor: FloatArray) -> FloatArray:
+        """Return the part of a variance that a factor makes, (n,)."""
+        return np.asarray(((slopes @ factor) ** 2).sum(axis=1))
+
+
 @dataclass(frozen=True, slots=True)
 class GroundPlane:
     """The pose of a fixed camera above flat ground, with its covariance."""
@@ -192,3 +251,4 @@ class GroundPlane:
     # (4,): of the logarithm of the focal length with those three, and its variance, where it was found
     # together with them; None where the lens is known beside
     focal_covariance: FloatArray | None = None
+    joint: JointErrors | None = None  # where it was found from these very boxes

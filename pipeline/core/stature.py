@@ -1,7 +1,8 @@
 """Statures of the people of a country, as boxes show them: the scale of what walkers calibrate.
 
-Statures are measured without shoes and with the hair pressed flat; what is seen of a person has both. The
-share of men among those who pass a camera is unknown, and they are older than those who were measured.
+Statures are measured of people who stand, without shoes and with the hair pressed flat; boxes are drawn
+around people who walk, with both, and a little wider than they are. The share of men among those who
+pass a camera is unknown, and they are older than those who were measured.
 """
 
 from __future__ import annotations
@@ -61,9 +62,12 @@ AGE_M, AGE_STD_M = -0.01, 0.01
 MEN_SHARE, MEN_SHARE_STD = 0.5, 0.2
 # Within a sex and a country statures differ by 0.06 to 0.07 m.
 SEX_STD_M = 0.066
-# How high above the crown, and how far below the soles, whoever or whatever draws boxes ends them: a
-# pixel or so of about a hundred that a person is tall.
-MARGIN_STD_M = 0.02
+# A walker's head is lower than when standing: by the bent knee and half the excursion of a stride
+# (`pipeline.estimate.gait` has the sources).
+WALKING_M = -0.033
+# Boxes end a pixel or so above the crown and below the soles of a person who is about a hundred pixels
+# tall, whoever or whatever draws them.
+MARGIN_M, MARGIN_STD_M = 0.035, 0.02
 # No country is stated: cameras are not spread as countries are. More than half of all are in China, and
 # most of the others in North America and Europe; these three have equal parts in the centre. The spread
 # is that of the countries of the table.
@@ -72,7 +76,7 @@ _MOST_CAMERAS = ("CN", "US", _EUROPE)
 
 
 class Statures(NamedTuple):
-    """Adults as boxes show them when they stand: shod, with their hair."""
+    """Adults as boxes show them: shod, with their hair, walking."""
 
     mean_m: float
     std_m: float  # from person to person
@@ -102,7 +106,7 @@ def _as_seen(men_m: float, women_m: float, between_m: float) -> Statures:
     middle_m = MEN_SHARE * men_m + (1 - MEN_SHARE) * women_m
     unknown_m = (SHOES_STD_M, HAIR_STD_M, AGE_STD_M, MARGIN_STD_M, MEN_SHARE_STD * apart_m)
     return Statures(
-        mean_m=round(middle_m + SHOES_M + HAIR_M + AGE_M, 3),
+        mean_m=round(middle_m + SHOES_M + HAIR_M + AGE_M + WALKING_M + MARGIN_M, 3),
         # Of a mixture of two: within each, and between their means.
         std_m=round(float(np.hypot(SEX_STD_M, apart_m * (MEN_SHARE * (1 - MEN_SHARE)) ** 0.5)), 3),
         mean_std_m=round(float(np.linalg.norm([between_m, *unknown_m])), 3),

@@ -113,7 +113,7 @@ def settle(
     off = residuals(x)
     cost = _cost(off)
     for _ in range(MAX_STEPS):
-        before, slopes, steep = cost, jacobian(x), _steepness(off)
+        before, slopes, steep = cost, jacobian(x), steepness_of(off)
         bordered = Bordered.of(slopes, sample, steep)
         while damping < MAX_DAMPING:
             step = bordered.step(robust_pull(off), damping)
@@ -129,7 +129,7 @@ def settle(
             damping *= WORSE
         if before - cost <= SAME_COST * before:
             break
-    scaled = csr_matrix(jacobian(x).multiply(_steepness(off)[:, None]))
+    scaled = csr_matrix(jacobian(x).multiply(steepness_of(off)[:, None]))
     return OptimizeResult(x=x, fun=off, jac=scaled, cost=cost)
 
 
@@ -138,7 +138,7 @@ def robust_pull(off: FloatArray) -> FloatArray:
     return np.asarray(off * (1.0 + (off / ROBUST) ** 2) ** 0.25)
 
 
-def _steepness(off: FloatArray) -> FloatArray:
+def steepness_of(off: FloatArray) -> FloatArray:
     """Return by what the loss scales the rows of the Jacobian.
 
     So its square is the second derivative of the loss (Triggs et al. 2000, Bundle Adjustment, section

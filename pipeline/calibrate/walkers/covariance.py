@@ -53,14 +53,21 @@ def covariance_of(
     """
     slopes = Bordered.of(fit.jac, sample)
     inverse = inverse_of(slopes.shared.T @ slopes.shared)
-    excess = _excess(fit, sample)
-    share = sample.people / (sample.people + STATED_TRACKS)
     moved = inverse @ (slopes.shared.T @ _common(fit, sample, scale))
-    covariance = share * _by_tracks(slopes, inverse, fit, sample, scale, excess)
-    covariance += (1 - share) * _as_stated(fit, excess, sample) + moved @ moved.T
+    covariance = fitted_covariance(fit, sample, scale) + moved @ moved.T
     shared = [unknown if unknown < PEOPLE else unknown - sample.people for unknown in wanted]
     to_metres = np.diag([float(np.exp(fit.x[ABOVE])), *np.ones(len(wanted) - 1)])
     return np.asarray(to_metres @ covariance[np.ix_(shared, shared)] @ to_metres)
+
+
+def fitted_covariance(fit: OptimizeResult, sample: Sample, scale: Scale) -> FloatArray:
+    """Return the covariance of all shared unknowns, (k, k), but for what boxes have in common."""
+    slopes = Bordered.of(fit.jac, sample)
+    inverse = inverse_of(slopes.shared.T @ slopes.shared)
+    excess = _excess(fit, sample)
+    share = sample.people / (sample.people + STATED_TRACKS)
+    by_tracks = _by_tracks(slopes, inverse, fit, sample, scale, excess)
+    return np.asarray(share * by_tracks + (1 - share) * _as_stated(fit, excess, sample))
 
 
 def _excess(fit: OptimizeResult, sample: Sample) -> float:
@@ -111,8 +118,7 @@ def _common(fit: OptimizeResult, sample: Sample, scale: Scale) -> FloatArray:
     """Return what all tracks may have in common, as residuals, a column each."""
     tall = sample.foot[:, 1] - sample.head[:, 1]
     per_share = tall / sample.sigma * np.sqrt(sample.weight)
-    scatter = MAD_TO_STD * float(np.nanmedian(np.abs(fit.fun[: len(tall)] / per_share)))
-    excess = np.sqrt(max(scatter**2 - GAIT_SCATTER**2, LEAST_EXCESS**2))
+    excess = box_excess(fit, sample)
     shares = [
         np.full(len(tall), np.hypot(BOX_COMMON_STD, ALL_PER_EXCESS * excess)),
         NEAR_PER_EXCESS * excess * sample.trends[:, 1],
@@ -122,12 +128,20 @@ def _common(fit: OptimizeResult, sample: Sample, scale: Scale) -> FloatArray:
     common = np.zeros((len(fit.fun), len(shares) + 1))
     common[: len(tall), :-1] = np.stack(shares, axis=1) * per_share[:, None]
     if len(fit.x) == PEOPLE + sample.people:  # with the focal length unknown, it is of that error
-        common[:, -1] = _bent(fit.x, sample, scale)
+        common[:, -1] = bent_residuals(fit.x, sample, scale) * scale.bend_std
     return common
 
 
-def _bent(x: FloatArray, sample: Sample, scale: Scale) -> FloatArray:
-    """Return what a deviation of the lens's distortion changes in the residuals.
+def box_excess(fit: OptimizeResult, sample: Sample) -> float:
+    """Return by how much more heads scatter about the fit than gaits let them, as a share of statures."""
+    tall = sample.foot[:, 1] - sample.head[:, 1]
+    per_share = tall / sample.sigma * np.sqrt(sample.weight)
+    scatter = MAD_TO_STD * float(np.nanmedian(np.abs(fit.fun[: len(tall)] / per_share)))
+    return float(np.sqrt(max(scatter**2 - GAIT_SCATTER**2, LEAST_EXCESS**2)))
+
+
+def bent_residuals(x: FloatArray, sample: Sample, scale: Scale) -> FloatArray:
+    """Return what a unit of bend, k of x (1 + k r^2), changes in the residuals.
 
     Upright edges have an unknown of their own for it.
     """
@@ -138,4 +152,4 @@ def _bent(x: FloatArray, sample: Sample, scale: Scale) -> FloatArray:
 
     bent = replace(sample, foot=bend(sample.foot), head=bend(sample.head))
     other = residuals(x, bent, replace(scale, points=bend(scale.points)))
-    return np.asarray((other - residuals(x, sample, scale)) * scale.bend_std / step)
+    return np.asarray((other - residuals(x, sample, scale)) / step)

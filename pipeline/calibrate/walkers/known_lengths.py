@@ -68,8 +68,7 @@ def scale_of(
     sample: Sample, prior: SizePrior, known: KnownLengths, measured: Measured, uprights: Uprights
 ) -> Scale:
     """Return what is known beside the tracks."""
-    walking_m = prior.mean_m - GAIT_DROP_M
-    mean_m, std_m = np.full((2, sample.people), [[walking_m], [prior.std_m]])
+    mean_m, std_m = np.full((2, sample.people), [[prior.walking_mean_m], [prior.std_m]])
     of_population = np.ones(sample.people, dtype=np.bool_)
     for person in known.heights:
         mine = sample.track_id == person.track_id

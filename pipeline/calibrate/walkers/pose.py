@@ -22,7 +22,7 @@ import pandas as pd
 from scipy.optimize import OptimizeResult, least_squares
 
 from pipeline.calibrate.walkers.bordered_solver import ROBUST
-from pipeline.calibrate.walkers.covariance import covariance_of
+from pipeline.calibrate.walkers.joint import joint_errors
 from pipeline.calibrate.walkers.known_lengths import (
     NOTHING_KNOWN,
     KnownLengths,
@@ -92,8 +92,11 @@ class Fitted:
         Raises:
             CalibrationUndetermined: their tracks do not fix the pose.
         """
-        covariance = covariance_of(self.fit, self.sample, self.scale)
-        plane = replace(plane_of(self.fit), covariance=covariance, source="walkers")
+        plane = replace(plane_of(self.fit), source="walkers")
+        joint = joint_errors(self.fit, self.sample, self.scale, self.measured, plane)
+        to_metres = np.diag([plane.camera_height_m, 1.0, 1.0])
+        covariance = to_metres @ joint.covariance[:3, :3] @ to_metres
+        plane = replace(plane, covariance=covariance, joint=joint)
         check_determined(plane)
         std, edges = np.sqrt(np.diag(covariance)), len(self.scale.uprights)
         return plane, report_of(self.fit, self.sample, self.measured, std, edges)

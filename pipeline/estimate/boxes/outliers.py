@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.core.arrays import FloatArray
 from pipeline.core.robust import MAD_TO_STD
+from pipeline.estimate.by_track import median_by
 from pipeline.estimate.types import BoolArray, Measured
 
 SAMPLE = 41  # observations of a track, spread over it, that the line is found from
@@ -21,6 +22,8 @@ APART = 0.02  # of the box's height: heads nearer than that make no line
 # What goes with the rest: the gait, the feet of a stride, the line not being one quite.
 OWN_STD = 0.02  # of the box's height
 OFF = 4.0  # standard deviations
+JUMP_NS = 2_500_000_000  # between the frames before and after: in more, people turn and bend
+ALIKE = 2.0  # standard deviations within which a box is as tall as its track says
 
 
 def height_off_px(m: Measured, usable: BoolArray) -> FloatArray:
@@ -30,10 +33,68 @@ def height_off_px(m: Measured, usable: BoolArray) -> FloatArray:
         m: the observations.
         usable: whose both ends are seen; of the others nothing is said, (n,).
     """
-    off_px = np.zeros(len(m))
+    residual_px, allowed_px, _ = _beside_line(m, usable)
+    with np.errstate(invalid="ignore"):
+        odd = np.abs(residual_px) > OFF * allowed_px
+    return np.where(odd, residual_px, 0.0)
+
+
+def goes_with_track(m: Measured, usable: BoolArray) -> BoolArray:
+    """Return which boxes are as tall as the others of their track say, (n,).
+
+    By the line of heights over rows, or by how heights go on from frame to frame: before a camera that is
+    as high as the heads all heads are on one row, and there is no line.
+
+    Args:
+        m: the observations.
+        usable: of the others nothing is said, (n,).
+    """
+    residual_px, _, scale_px = _beside_line(m, usable)
+    tall_px = m.bbox_xyxy_px[:, 3] - m.bbox_xyxy_px[:, 1]
+    std_px = np.hypot(m.std_xyxy_px[:, 1], m.std_xyxy_px[:, 3])
+    close_px = np.hypot(std_px, OWN_STD * tall_px)
+    jump, usual_jump = _jumps(m, usable, tall_px)
+    with np.errstate(invalid="ignore"):
+        in_line = (scale_px < close_px) & (np.abs(residual_px) < ALIKE * close_px)
+        steady = (usual_jump * tall_px < close_px) & (np.abs(jump) * tall_px < ALIKE * close_px)
+    return np.asarray(in_line | steady)
+
+
+def _jumps(m: Measured, usable: BoolArray, tall_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far each height is off the middle of those before and after it, and the track's scale.
+
+    Relative, as the deviation of one height, (n,) each; NaN of those that are not between two.
+    """
+    found = np.full((2, len(m)), np.nan)
+    rows = np.flatnonzero(usable & (tall_px > 0))
+    rows = rows[np.lexsort((m.capture_time_ns[rows], m.track_id[rows]))]
+    if len(rows) < MIN_ROWS:
+        return found[0], found[1]
+    track, log = m.track_id[rows], np.log(tall_px[rows])
+    bend = (log[1:-1] - (log[:-2] + log[2:]) / 2) / np.sqrt(1.5)  # of one of variance 1: 1 + 2 / 4
+    time_ns = m.capture_time_ns[rows]
+    near = (track[:-2] == track[2:]) & (time_ns[2:] - time_ns[:-2] < JUMP_NS)
+    found[0, rows[1:-1]] = np.where(near, bend, np.nan)
+    # The first and the last of a track are as the ones next to them.
+    edge = np.isnan(found[0, rows])
+    for step in (1, -1):
+        beside = np.roll(found[0, rows], step)
+        same = np.roll(track, step) == track
+        found[0, rows] = np.where(edge & same & np.isnan(found[0, rows]), beside, found[0, rows])
+    known = np.abs(found[0])
+    found[1] = MAD_TO_STD * median_by(m.track_id, known)
+    return found[0], found[1]
+
+
+def _beside_line(m: Measured, usable: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return each box's distance from its track's line, what is allowed, and the scale, (n,) each.
+
+    NaN of those that are not usable, and of tracks with fewer than MIN_ROWS that are.
+    """
+    found = np.full((3, len(m)), np.nan)
     rows = np.flatnonzero(usable)
     if not len(rows):
-        return off_px
+        return found[0], found[1], found[2]
     rows = rows[np.lexsort((m.capture_time_ns[rows], m.track_id[rows]))]
     new = np.concatenate([[True], np.diff(m.track_id[rows]) != 0])
     starts = np.flatnonzero(new)
@@ -46,11 +107,11 @@ def height_off_px(m: Measured, usable: BoolArray) -> FloatArray:
     at = starts[:, None] + np.rint(spread * (count[:, None] - 1)).astype(np.intp)  # (t, SAMPLE)
     level, slope, scale = _lines(head_px[at], tall_px[at])
     expected_px = level[group] + slope[group] * head_px
-    residual = tall_px - expected_px
-    allowed = np.hypot(scale[group], np.hypot(std_px, OWN_STD * np.abs(expected_px)))
-    odd = (np.abs(residual) > OFF * allowed) & (count[group] >= MIN_ROWS)
-    off_px[rows] = np.where(odd, residual, 0.0)
-    return off_px
+    allowed_px = np.hypot(scale[group], np.hypot(std_px, OWN_STD * np.abs(expected_px)))
+    enough = count[group] >= MIN_ROWS
+    columns = np.stack([tall_px - expected_px, allowed_px, scale[group]])
+    found[:, rows] = np.where(enough, columns, np.nan)
+    return found[0], found[1], found[2]
 
 
 def _lines(head: FloatArray, tall: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -24,7 +24,7 @@ from pipeline.core.robust import MAD_TO_STD, MEDIAN_EFFICIENCY
 from pipeline.core.tables import OBSERVATION_QUALITY
 from pipeline.estimate.boxes.error_correlation import independent_share
 from pipeline.estimate.boxes.gait_phase import stride_phase_rad
-from pipeline.estimate.boxes.outliers import height_off_px
+from pipeline.estimate.boxes.outliers import goes_with_track, height_off_px
 from pipeline.estimate.by_track import median_by
 from pipeline.estimate.gait import GAIT_STD_M, WALKER
 from pipeline.estimate.types import BoolArray, Measured
@@ -34,6 +34,7 @@ SPAN = 0.5
 # Feet that are level within this share of the box's height belong to people side by side: the feet of a
 # stride are as far apart.
 LEVEL = 0.05
+BEHIND = 0.15  # of a box's height, reached behind a nearer one: not drawn around what is seen
 COVERED = 0.5  # of that span: the end cannot be seen
 # The end of somebody hidden is anywhere between what is seen and what hides it: uniform on one side.
 ONE_SIDED = 3**-0.5
@@ -110,6 +111,7 @@ def assess(m: Measured) -> Quality:
     box = m.bbox_xyxy_px
     tall_px = np.maximum(box[:, 3] - box[:, 1], 0.0)
     cover, reach_px = _covered(m, tall_px)
+    cover = np.where(_drawn_whole(m, cover, reach_px, tall_px)[:, None], 0.0, cover)
     visible = cover < COVERED
     whole: BoolArray = np.asarray(~m.truncated.any(axis=1) & visible.all(axis=1))
     odd = _odd_aspect(m, whole)
@@ -184,6 +186,22 @@ def with_track(quality: Quality, track: AgainstTrack) -> Quality:
         contact_visible=quality.contact_visible & ~track.hidden,
         alone=quality.alone & ~track.crowded,
     )
+
+
+def _drawn_whole(
+    m: Measured, cover: FloatArray, reach_px: FloatArray, tall_px: FloatArray
+) -> BoolArray:
+    """Return which covered boxes are of all of a person nevertheless, (n,).
+
+    Such a box goes on behind the nearer one, and is as tall as its track says. Were its ends not seen,
+    its height would change with what hides them; a box that is drawn around what is seen ends where the
+    nearer one begins.
+    """
+    uncut = ~m.truncated[:, [1, 3]].any(axis=1)
+    clear = (cover < COVERED).all(axis=1)
+    behind = (cover[:, 0] == 0) | (reach_px[:, 0] > BEHIND * tall_px)
+    covered = (cover > 0).any(axis=1) & behind
+    return np.asarray(covered & goes_with_track(m, uncut & (clear | behind)))
 
 
 def _covered(m: Measured, tall_px: FloatArray) -> tuple[FloatArray, FloatArray]:

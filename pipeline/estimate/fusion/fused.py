@@ -9,7 +9,8 @@
    position where the feet are hidden, and adds to it where they are not. Whose height in a frame is too
    small for the track has hidden feet there; whose is too large is not alone in the box.
 3. Positions are smoothed along the track. What frames have in common (the calibration's error) is not
-   made smaller by that, and errors of boxes last as long as the track's heights say.
+   made smaller by that, and errors of boxes last as long as the track's heights say. They stay within
+   what the methods say of the depth.
 4. The height in a frame is that at the smoothed position (and then smoothed itself: `smooth_heights`).
 """
 
@@ -43,6 +44,8 @@ SWAY = 0.1
 # for what goes to and fro is nearly nil (outlines of the simulated walkers, blocks of two seconds).
 SWING_S = 0.04
 HALF_SHOULDERS_M = 0.25  # with an arm
+# Ends of a box that something hides may be anywhere; that is no reason for a place beyond all methods'.
+MOST_NOISE = 0.05  # of the depth
 
 
 def estimate(
@@ -68,7 +71,8 @@ def estimate(
         track = track or beside_track(geometry, by_ground)
         fused, by_track = use_head(fused, geometry, plane, by_ground, track)
         of_prior = of_prior & ~by_track
-    fused = _smoothed(fused, geometry, plane, members.get(GROUND))
+    bounds_m = _bounds(fused, members)
+    fused = _smoothed(fused, geometry, plane, members.get(GROUND), bounds_m)
     if plane is not None:
         fused = _with_heights_on_ground(fused, geometry, plane, members)
     return as_standing(m, fused, fused.speed_m_s, of_prior)
@@ -235,12 +239,30 @@ def _root_sum_alike(share: FloatArray, std: FloatArray, group: npt.NDArray[np.st
     return np.where(known.any(axis=0), total, np.nan)
 
 
-def _smoothed(
-    fused: Estimated, geometry: Geometry, plane: GroundPlane | None, ground: Estimated | None
-) -> Estimated:
-    """Return the estimates with positions smoothed along the tracks.
+def _bounds(fused: Estimated, members: Mapping[str, Estimated]) -> tuple[FloatArray, FloatArray]:
+    """Return between which depths each observation is by all that tells it, (n,) each.
 
-    Depths, ranges and deviations follow from them.
+    From the nearest to the farthest, and what the box itself may be off beyond.
+    """
+    told = [fused, *members.values()]
+    depth_m = np.stack([np.where(e.depth_m > 0, e.depth_m, np.nan) for e in told])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        noise = np.stack([e.depth_noise_m for e in told]) / depth_m
+        room = np.exp(2 * np.minimum(np.nan_to_num(noise), MOST_NOISE))
+    return np.fmin.reduce(depth_m / room), np.fmax.reduce(depth_m * room)
+
+
+def _smoothed(
+    fused: Estimated,
+    geometry: Geometry,
+    plane: GroundPlane | None,
+    ground: Estimated | None,
+    bounds_m: tuple[FloatArray, FloatArray],
+) -> Estimated:
+    """Return the estimates with positions smoothed along the tracks, within bounds of their depth.
+
+    Depths, ranges and deviations follow from them. A track whose boxes are hardly trusted goes on as
+    those that are; that alone does not carry anybody to where nothing in the picture says they are.
     """
     m = geometry.measured
     position, covariance = _positions(fused, geometry, plane)
@@ -256,13 +278,17 @@ def _smoothed(
     x_m, y_m = smoothed.position_m.T
     tilt = plane.tilt_rad if plane is not None else 0.0
     up_m = plane.camera_height_m if plane is not None else 0.0
-    depth_m = y_m * np.cos(tilt) + up_m * np.sin(tilt)
+    free_m = y_m * np.cos(tilt) + up_m * np.sin(tilt)
+    depth_m = np.clip(free_m, *bounds_m)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        x_m = x_m * np.where(free_m > 0, depth_m / free_m, 1.0)
+    y_m = (depth_m - up_m * np.sin(tilt)) / np.cos(tilt)
     # As good as white noise to the smoother; but the swing comes back every step, and means less.
     swing = np.clip(SWING_S / interval_s(m), 0.0, 1.0)
     passed = (lasting + swing[:, None, None] * stride)[:, 1, 1] / inflated[:, 1, 1]
     noise_m = np.sqrt(smoothed.covariance[:, 1, 1] * passed) * np.cos(tilt)
     if geometry.scatter is None:
-        noise_m *= _birge_ratio(m, fused, depth_m)
+        noise_m *= _birge_ratio(m, fused, free_m)
     if plane is not None:
         half_m = np.nan_to_num(fused.height_m, nan=1.7) / 2
         away_m = range_m(x_m, y_m, up_m, half_m)

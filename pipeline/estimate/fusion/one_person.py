@@ -21,7 +21,6 @@ from pipeline.core.config import SizePrior
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.quality import AgainstTrack
 from pipeline.estimate.by_track import median_by
-from pipeline.estimate.gait import GAIT_DROP_M
 from pipeline.estimate.types import Estimated
 
 # Of tracks whose boxes scatter as much as they say, one in 25 holds parts or several for most of its
@@ -57,7 +56,7 @@ def with_doubt(
     for prior in priors:
         if prior.dimension is not Dimension.HEIGHT:
             continue
-        off_m = track.height_m + GAIT_DROP_M - prior.mean_m
+        off_m = track.height_m - prior.walking_mean_m
         std_m = np.hypot(track.height_std_m, common_m)
         _, first, back = np.unique(m.track_id, return_index=True, return_inverse=True)
         of_class = doubtful_m(off_m[first], std_m[first], prior.std_m, bad[first])[back]

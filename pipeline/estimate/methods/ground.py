@@ -10,8 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import Config
 from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.boxes.joint_slopes import log_slopes
 from pipeline.estimate.boxes.scatter import scatter_of
 from pipeline.estimate.methods.scaling import pose_variance
 from pipeline.estimate.types import Estimated
@@ -42,14 +44,11 @@ def estimate(geometry: Geometry, _config: Config) -> Estimated:
     tall_m = height_m(depth_m, y_f, y_h, tilt)
 
     by_pose = np.stack(depth_jacobian(h_m, tilt, x_f, y_f), axis=1)
-    # A longer focal length makes rows smaller: dy = -y d(log f).
-    depth_common = pose_variance(by_pose[:, :3], -y_f * by_pose[:, 3], plane)
-    # How far a foot is before the axis differs by person, and by what all of them wear.
-    reach_std_m = np.hypot(REACH_TRACK_STD, REACH_COMMON_STD) * geometry.reach_m
-    depth_common += reach_std_m**2
     tall_by = np.stack(height_jacobian(h_m, tilt, foot, head), axis=1)
-    by_focal = -(y_f * tall_by[:, 3] + y_h * tall_by[:, 4])
-    tall_common = pose_variance(tall_by[:, :3], by_focal, plane)
+    depth_common, tall_common = _in_common(geometry, depth_m, tall_m, by_pose, tall_by)
+    # How far a foot is before the axis differs by person.
+    reach_std_m = REACH_TRACK_STD * geometry.reach_m
+    depth_common += reach_std_m**2
     tall_common += (tall_by[:, 3] / by_pose[:, 3] * reach_std_m) ** 2
     if geometry.reach is not None:
         foot_std, head_std = geometry.common_std.T
@@ -76,6 +75,33 @@ def estimate(geometry: Geometry, _config: Config) -> Estimated:
         y_m=y_m,
         range_m=range_m(x_m, y_m, h_m, half_m),
     )
+
+
+def _in_common(
+    geometry: Geometry,
+    depth_m: FloatArray,
+    tall_m: FloatArray,
+    by_pose: FloatArray,
+    tall_by: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the variances of depth and height by what all of the camera have in common, (n,) each."""
+    plane = geometry.measured.ground_plane
+    if plane is None:
+        return np.zeros(len(depth_m)), np.zeros(len(depth_m))
+    if plane.joint is not None:
+        of_depth, of_height = log_slopes(geometry, plane.joint)
+        return (
+            plane.joint.variance(of_depth) * depth_m**2,
+            plane.joint.variance(of_height) * tall_m**2,
+        )
+    # A longer focal length makes rows smaller: dy = -y d(log f).
+    y_f, y_h = geometry.foot[:, 1], geometry.head[:, 1]
+    depth = pose_variance(by_pose[:, :3], -y_f * by_pose[:, 3], plane)
+    by_focal = -(y_f * tall_by[:, 3] + y_h * tall_by[:, 4])
+    tall = pose_variance(tall_by[:, :3], by_focal, plane)
+    # How far feet are before the axis differs by what all of them wear, too.
+    reach_std_m = REACH_COMMON_STD * geometry.reach_m
+    return depth + reach_std_m**2, tall + (tall_by[:, 3] / by_pose[:, 3] * reach_std_m) ** 2
 
 
 def with_scatter(geometry: Geometry, config: Config) -> Geometry:

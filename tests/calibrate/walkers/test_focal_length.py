@@ -38,7 +38,7 @@ def test_focal_lengths_depths_and_intervals_over_cameras() -> None:
             scores.append(score(seen, plane))
     assert len(scores) >= 3
     assert np.median([s.depth_relative for s in scores]) < 0.15
-    assert np.median([s.height_mae_m for s in scores]) < 0.08
+    assert np.median([s.height_mae_m for s in scores]) < 0.09
     assert np.abs(z).max() < 3.0
     assert np.sqrt(np.mean(np.square(z))) < 1.5
     depth_z = np.concatenate([s.depth_z for s in scores])

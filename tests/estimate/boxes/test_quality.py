@@ -212,3 +212,30 @@ def test_without_a_rhythm_there_is_no_phase() -> None:
     ]
     assert np.mean(known) < 0.03
     assert np.isnan(stride_phase_rad(stepping(8, 1.9, 0.08, 0.0))).all()  # too few
+
+
+def passing(drawn_whole: bool) -> Measured:
+    """Return somebody who walks past behind somebody else, who stands nearer."""
+    n = 40
+    middle = np.linspace(200, 400, n)
+    box = np.column_stack([middle - 20, np.full(n, 150.0), middle + 20, np.full(n, 270.0)])
+    nearer = np.tile([270.0, 190.0, 330.0, 340.0], (n, 1))
+    covered = (middle + 10 > 270) & (middle - 10 < 330)
+    if not drawn_whole:
+        box[covered, 3] = 192.0  # where the nearer one begins
+    return measured(
+        np.vstack([box, nearer]),
+        frame_index=np.tile(np.arange(n), 2),
+        capture_time_ns=np.tile(np.arange(n) * 100_000_000, 2),
+        track_id=np.repeat([0, 1], n),
+        std_xyxy_px=np.full((2 * n, 4), 0.5),
+    )
+
+
+def test_a_covered_box_as_tall_as_its_track_says_has_visible_feet() -> None:
+    whole, around = assess(passing(drawn_whole=True)), assess(passing(drawn_whole=False))
+    assert whole.contact_visible[:40].all()
+    np.testing.assert_allclose(whole.std_xyxy_px[:40, 3], 0.5, atol=0.1)
+    behind = slice(17, 23)
+    assert not around.contact_visible[behind].any()
+    assert (around.std_xyxy_px[behind, 3] > 10).all()

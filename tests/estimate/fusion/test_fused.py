@@ -16,7 +16,7 @@ from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.fusion import fused
 from pipeline.estimate.gait import GAIT_DROP_M
-from pipeline.estimate.methods import ground
+from pipeline.estimate.methods import ground, size
 from pipeline.estimate.track_heights import track_heights
 from pipeline.estimate.types import Estimated, Measured
 from tests.estimate.scenes import estimates, measured, people
@@ -216,7 +216,7 @@ def test_it_is_no_worse_than_its_best_member_and_knows_how_good_it_is(wall_share
     for name in ("depth_z", "frame_height_z", "height_z"):
         z = [getattr(f, name) for f in found]
         assert within(z) > 0.95
-        assert 0.5 < within(z, 0.6745) < 0.82
+        assert 0.5 < within(z, 0.6745) < 0.85
 
 
 @pytest.mark.slow
@@ -233,5 +233,31 @@ def test_a_wall_before_everybody_does_not_spoil_the_pose() -> None:
     assert len(errors) >= 14
     # The scale is known to 3.4 % (the mean stature to 3 %, that of 15 people to 1.4 %): 2.3 % in the
     # median, and of so few cameras to half a percent.
-    assert np.median(errors) < 0.04
+    # The scale alone, of a crowd of any country, is known to 3.3 %.
+    assert np.median(errors) < 0.045
     assert within(z) > 0.85
+
+
+def test_a_track_that_is_hardly_trusted_stays_where_its_boxes_say() -> None:
+    """As a good end of a track, who leaves, would carry the rest of it to behind the camera."""
+    n = 60
+    y_m = np.where(np.arange(n) < 50, 14.0, 14.0 + 1.5 * (np.arange(n) - 50) / 5)
+    box = people(np.zeros(n), y_m, np.full(n, 1.74), PLANE)
+    box[:, 0] -= 15
+    box[:, 2] += 15
+    m = measured(
+        box,
+        ground_plane=PLANE,
+        capture_time_ns=np.arange(n) * 200_000_000,
+        std_xyxy_px=np.where(np.arange(n)[:, None] < 50, 60.0, 0.3) * np.ones((1, 4)),
+    )
+    geometry = Geometry.of(m)
+    members = {
+        "ground": ground.estimate(geometry, Config()),
+        "size": size.estimate(geometry, Config()),
+    }
+    found = fused.estimate(geometry, members)
+    low = np.minimum(members["ground"].depth_m, members["size"].depth_m)
+    high = np.maximum(members["ground"].depth_m, members["size"].depth_m)
+    assert (found.depth_m > 0.9 * low).all()
+    assert (found.depth_m < 1.12 * high).all()

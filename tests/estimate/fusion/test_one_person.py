@@ -66,7 +66,7 @@ def test_half_a_person_is_wide_in_height_and_depth_and_nothing_else_changes() ->
     assert (farther > 3).all()
     assert (half.height_doubt_m > 0.1).all()
     np.testing.assert_allclose(half.height_m, 1.0, atol=0.01)
-    _, taller, farther = walk(1.68)
+    _, taller, farther = walk(ADULT.walking_mean_m)
     assert (taller < 1.3).all()
     assert (farther < 1.3).all()
 
