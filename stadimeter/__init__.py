@@ -64,6 +64,15 @@ if TYPE_CHECKING:
     from stadimeter.outputs import Reviewed, export, report, review
     from stadimeter.recordings import inspect
     from stadimeter.results import Relation, Results, merge, open
+    from stadimeter.summary import (
+        CameraSummary,
+        Finding,
+        RecordingSummary,
+        RunSummary,
+        TrackSummary,
+        Unmeasured,
+        summarize,
+    )
     from stadimeter.true_values import truth
 
 _MODULES = {
@@ -118,6 +127,15 @@ _MODULES = {
     "stadimeter.recordings": ("inspect",),
     "stadimeter.results": ("Relation", "Results", "merge", "open"),
     "stadimeter.true_values": ("truth",),
+    "stadimeter.summary": (
+        "CameraSummary",
+        "Finding",
+        "RecordingSummary",
+        "RunSummary",
+        "TrackSummary",
+        "Unmeasured",
+        "summarize",
+    ),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
@@ -128,6 +146,7 @@ __all__ = [
     "Calibration",
     "CalibrationUndetermined",
     "CameraConfig",
+    "CameraSummary",
     "CameraSurvey",
     "ChannelSurvey",
     "Config",
@@ -139,6 +158,7 @@ __all__ = [
     "Estimated",
     "Exported",
     "ExposureFields",
+    "Finding",
     "FittedToTruth",
     "Found",
     "Imported",
@@ -149,10 +169,12 @@ __all__ = [
     "NotARecording",
     "Outcome",
     "Progress",
+    "RecordingSummary",
     "Relation",
     "Results",
     "Reviewed",
     "RunResult",
+    "RunSummary",
     "SharedResult",
     "SizePrior",
     "StadimeterError",
@@ -160,7 +182,9 @@ __all__ = [
     "Survey",
     "TimelineConfig",
     "TrackConfig",
+    "TrackSummary",
     "UndecodableImage",
+    "Unmeasured",
     "UnsupportedChannel",
     "UnusableModel",
     "UsageError",
@@ -179,6 +203,7 @@ __all__ = [
     "open",
     "report",
     "review",
+    "summarize",
     "truth",
 ]
 

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from pipeline.core.progress import Progress, Report
+from pipeline.core.progress import Progress, Report, silent
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -118,8 +118,11 @@ def _is_number(value: object) -> bool:
 
 
 @contextmanager
-def progress_lines() -> Iterator[Report]:
-    """Show how far each recording is: bars on a terminal, plain lines elsewhere."""
+def progress_lines(*, quiet: bool = False) -> Iterator[Report]:
+    """Show how far each recording is: bars on a terminal, plain lines elsewhere, nothing if quiet."""
+    if quiet:
+        yield silent
+        return
     if not err.is_terminal:
         yield _PlainLines()
         return

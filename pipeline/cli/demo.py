@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import csv
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.cli.console import out, print_rows, progress_lines, safe
 from pipeline.cli.exit_codes import code_of
 from pipeline.cli.options import Commands
-from pipeline.cli.run import print_run
+from pipeline.cli.run import print_run, summary_of
 from pipeline.core.errors import MissingLibrary, UsageError, Where
 
 if TYPE_CHECKING:
@@ -72,12 +71,11 @@ def demo(source: Path, folder: Path) -> RunResult:
             strict=False,
             progress=progress,
         )
+    print_run(result, database, summary_of(result, database))
     with stadimeter.open(database) as results:
         for outcome in result.stored:
             _print_outcome(results, outcome, source, config)
-    print_run(result, database)
     _write_report(database, folder / "report.html")
-    out.print(f"look      stadimeter review --db {safe(database)} {safe(paths[-1].stem)}")
     out.print(f"next      stadimeter query --db {safe(database)} --view accuracy.by_aperture")
     if source == SOURCE_RECORDINGS:
         _print_missing({path.stem for path in paths})
@@ -96,8 +94,6 @@ def _print_outcome(results: Results, outcome: Outcome, source: Path, config: Con
         return
     if _print_defocus(results, recording_id, outcome.path.name):
         return
-    _print_pose(results, recording_id)
-    print_tracks(results, recording_id, f"{outcome.path.name}: people and where they walked")
     if truth.num_rows:
         _print_true_pose(outcome.path, config)
         _print_against_truth(results, recording_id, outcome.path.name)
@@ -123,21 +119,6 @@ def _write_report(database: Path, target: Path) -> None:
         out.print(safe(error), style="yellow", soft_wrap=True)
     else:
         out.print(f"report    {safe(target)}", soft_wrap=True)
-
-
-def _print_pose(results: Results, recording_id: str) -> None:
-    cameras = results.query("FROM cameras WHERE recording_id = ? ORDER BY camera", [recording_id])
-    for camera in cameras.rows():
-        if camera["pose_source"] is None:
-            continue
-        out.print(
-            f"camera {safe(camera['camera'])}: {camera['camera_height_m']:.2f} ± "
-            f"{1.96 * camera['camera_height_std_m']:.2f} m above the ground, tilted by "
-            f"{math.degrees(camera['tilt_rad']):.1f} ± "
-            f"{1.96 * math.degrees(camera['tilt_std_rad']):.1f} degrees (95 %), "
-            f"by {'the people who walk on it' if camera['pose_source'] == 'walkers' else 'the file'}",
-            soft_wrap=True,
-        )
 
 
 def _print_true_pose(path: Path, config: Config) -> None:
@@ -294,50 +275,3 @@ def _printed_rmse(
 
 def _cm(value_cm: float | None) -> str:
     return "" if value_cm is None else f"{value_cm:.2f}"
-
-
-def print_tracks(results: Results, recording_id: str, title: str) -> int:
-    """Print the tracks of a recording: where, how tall, by the best method; return how many."""
-    from pipeline.estimate.methods import NAMES
-
-    best = results.query(
-        """
-        SELECT track_id, camera, method, height_m, height_std_m, height_assumed, height_plausible,
-            depth_min_m,
-            depth_median_m, depth_max_m, observation_count
-        FROM track_heights SEMI JOIN main.current_run USING (recording_id, run_id)
-        WHERE recording_id = ?
-        QUALIFY row_number() OVER (
-            PARTITION BY camera, track_id
-            -- the number that assumes the least
-            ORDER BY list_position(?, method)
-        ) = 1
-        ORDER BY camera, track_id
-        """,
-        [recording_id, list(NAMES)],
-    ).rows()
-    rows = []
-    for track in best:
-        height = ""
-        if track["height_m"] is not None:
-            height = f"{track['height_m']:.2f} ± {1.96 * (track['height_std_m'] or 0):.2f}"
-        rows.append(
-            [
-                track["track_id"],
-                f"{track['observation_count']:,}",
-                f"{track['depth_min_m']:.1f}",
-                f"{track['depth_median_m']:.1f}",
-                f"{track['depth_max_m']:.1f}",
-                height + _remark(track),
-                track["method"],
-            ]
-        )
-    header = ("track", "frames", "nearest m", "median m", "farthest m", "height m (95 %)", "method")
-    print_rows(title, header, rows)
-    return len(rows)
-
-
-def _remark(track: Mapping[str, object]) -> str:
-    if track["height_assumed"]:
-        return " (assumed)"
-    return " (not one person)" if track["height_plausible"] is False else ""

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.cli.console import err, out, print_rows, progress_lines, safe
 from pipeline.cli.exit_codes import code_of
 from pipeline.cli.options import Commands, add_database, add_preview
+from pipeline.cli.summary import print_findings, print_next, print_summary
 from pipeline.core.errors import UsageError
 from pipeline.detect import CHOICES
 
 if TYPE_CHECKING:
-    from stadimeter import Results, RunResult, SharedResult
+    from stadimeter import RunResult, RunSummary, SharedResult
 
 
 def add(commands: Commands) -> None:
@@ -37,6 +39,13 @@ def add(commands: Commands) -> None:
     _add_shared(parser)
     parser.add_argument("--label", help="a name for this run, to compare it with others")
     parser.add_argument("--profile", action="store_true", help="print what each stage took")
+    told = parser.add_mutually_exclusive_group()
+    told.add_argument(
+        "-q", "--quiet", action="store_true", help="print warnings and errors only, no results"
+    )
+    told.add_argument(
+        "--json", action="store_true", help="print the results and all warnings as JSON"
+    )
     parser.set_defaults(function=call)
 
 
@@ -48,7 +57,7 @@ def call(arguments: argparse.Namespace) -> int:
         return _call_shared(arguments)
     if arguments.engine != "local" or arguments.address is not None:
         raise UsageError("--engine ray needs --parts DIR, a folder that all machines see")
-    with progress_lines() as progress:
+    with progress_lines(quiet=arguments.quiet) as progress:
         result = stadimeter.measure(
             arguments.recordings,
             arguments.db,
@@ -64,10 +73,18 @@ def call(arguments: argparse.Namespace) -> int:
             strict=False,
             progress=progress,
         )
-    print_run(result, arguments.db)
+    summary = summary_of(result, arguments.db)
+    if arguments.json:
+        _print_json(summary, result, arguments.db)
+    elif arguments.quiet:
+        _print_failures(result)
+        print_findings(err, summary.warnings)
+    else:
+        print_run(result, arguments.db, summary)
     if arguments.profile:
         print_profile(result)
-    return code_of(result.stored, result.failed, result.damaged)
+    doubtful = result.damaged or (result.stored if summary.in_doubt else [])
+    return code_of(result.stored, result.failed, doubtful)
 
 
 def _add_shared(parser: argparse.ArgumentParser) -> None:
@@ -115,36 +132,46 @@ def _call_shared(arguments: argparse.Namespace) -> int:
     return code_of(result.stored, result.failed, result.damaged)
 
 
-MAX_SHOWN = 10  # losses; the others are in the table `diagnostics`
+def summary_of(result: RunResult, database: Path) -> RunSummary:
+    """Return what a run found, of the recordings that are stored."""
+    import stadimeter
+
+    if not result.stored:  # there may be no database at all
+        return stadimeter.RunSummary(result.run_id, ())
+    ids = [o.recording.recording_id for o in result.stored if o.recording is not None]
+    with stadimeter.open(database) as results:
+        return stadimeter.summarize(results, result.run_id, ids)
 
 
-def print_run(result: RunResult, database: Path) -> None:
-    """Print what became of each recording, the damage, and where the results are."""
-    rows = []
-    for outcome in result.outcomes:
-        row = outcome.recording
-        if row is not None:
-            missing = f"{row.frames_lost:,}" if row.frames_lost else ""
-            state = "damaged" if row.damaged else ""
-            rows.append([outcome.path.name, f"{row.frame_count:,}", missing, state])
-    if rows:
-        print_rows("Recordings", ("file", "frames", "lost", ""), rows)
-    for outcome in result.failed:
-        err.print(f"stadimeter: {safe(outcome.error)}", soft_wrap=True)
+def print_run(result: RunResult, database: Path, summary: RunSummary) -> None:
+    """Print what came out of a run, what of it is in doubt or lost, and where the results are."""
+    print_summary(summary, database)
+    _print_failures(result)
     if result.stored:
         out.print(f"database  {safe(database)}", soft_wrap=True)
     for outcome in result.outcomes:
         for timeline in outcome.timelines:
             out.print(f"timeline  {safe(timeline)}", soft_wrap=True)
+    if result.stored:
+        print_next(database, summary)
+    lost = sum(o.recording.frames_lost for o in result.damaged if o.recording is not None)
     if result.damaged:
-        import stadimeter
-
-        with stadimeter.open(database) as results:
-            print_damage(results, result.run_id)
-            least = "at least " if ends_are_missing(results, result.run_id) else ""
-        lost = sum(o.recording.frames_lost for o in result.damaged if o.recording is not None)
+        cut = any(finding.code == "truncated_file" for finding in summary.findings)
+        least = "at least " if cut else ""
         text = f"{least}{lost:,} frames were lost to damage; the table diagnostics says where"
         out.print(text, style="yellow")
+
+
+def _print_failures(result: RunResult) -> None:
+    for outcome in result.failed:
+        err.print(f"stadimeter: {safe(outcome.error)}", style="red", soft_wrap=True)
+
+
+def _print_json(summary: RunSummary, result: RunResult, database: Path) -> None:
+    failed = [{"file": str(o.path), "error": str(o.error)} for o in result.failed]
+    timelines = [str(path) for o in result.outcomes for path in o.timelines]
+    more = {"database": str(database), "failed": failed, "timelines": timelines}
+    print(json.dumps(more | summary.as_dict(), indent=2, default=str))
 
 
 def print_profile(result: RunResult) -> None:
@@ -182,27 +209,3 @@ def print_shared(result: SharedResult, folder: Path) -> None:
     for one in result.failed:
         err.print(f"stadimeter: {safe(one.error)}", soft_wrap=True)
     out.print(f"parts  {safe(folder)}", soft_wrap=True)
-
-
-def print_damage(results: Results, run_id: str) -> None:
-    """Print the first diagnostics of a run that say what was lost."""
-    found = results.query(
-        "SELECT file_name, byte_offset, topic, count, message FROM diagnostics "
-        "WHERE run_id = ? AND severity = 'error'",
-        [run_id],
-    ).rows()
-    for row in found[:MAX_SHOWN]:
-        place = f" byte {row['byte_offset']:,}" if row["byte_offset"] is not None else ""
-        topic = f" {row['topic']}" if row["topic"] else ""
-        times = f" ({row['count']:,} times)" if row["count"] > 1 else ""
-        out.print(f"  {safe(row['file_name'])}{place}{safe(topic)}: {safe(row['message'])}{times}")
-    if len(found) > MAX_SHOWN:
-        out.print(f"  and {len(found) - MAX_SHOWN:,} more")
-
-
-def ends_are_missing(results: Results, run_id: str) -> bool:
-    """Return True if a recording of a run was cut, so that its end is unknown."""
-    found = results.query(
-        "FROM diagnostics WHERE run_id = ? AND code = 'truncated_file' LIMIT 1", [run_id]
-    )
-    return len(found) > 0

@@ -19,7 +19,6 @@ CLI_MAY_IMPORT = ("stadimeter", "pipeline.cli", "pipeline.core")
 CLI_MAY_ALSO = {
     "main.py": {"pipeline"},  # the version
     "run.py": {"pipeline.detect"},  # the names of the detectors
-    "demo.py": {"pipeline.estimate.methods"},  # the order of the methods
     "import_.py": {"pipeline.importing.photos"},  # photos or a video
 }
 
