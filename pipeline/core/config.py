@@ -200,6 +200,12 @@ class EstimateConfig:
     """Options of estimates of depth."""
 
     extrapolate: bool = False  # use a calibration outside the range in which it was fitted
+    upright: tuple[str, ...] = ("person",)  # classes that stand upright before the camera
+    # How other things are turned while no pose is known, one standard deviation: in the picture (hung
+    # up or put down by eye, and the camera's own roll), and out of it (facing the camera, roughly).
+    # These two are assumed, not measured.
+    turn_std_deg: float = 3.0
+    slant_std_deg: float = 10.0
 
 
 if TYPE_CHECKING:

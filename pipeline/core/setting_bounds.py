@@ -78,6 +78,8 @@ BOUNDS: Mapping[str, Mapping[str, Bound]] = {
         "min_count": _COUNT,
         "min_duration_s": _SECONDS,
     },
+    # Beyond these a box says next to nothing of a height.
+    "EstimateConfig": {"turn_std_deg": Bound(0.0, 15.0), "slant_std_deg": Bound(0.0, 30.0)},
     "TimelineConfig": {
         "preview_px": Bound(16, 100_000),
         "split_s": Bound(0.0, INFINITY, above_low=True),

@@ -28,6 +28,7 @@ from pipeline.estimate.tables import (
     measured_by_camera,
 )
 from pipeline.estimate.track_heights import track_heights
+from pipeline.estimate.turned import as_turned, shares_of, turn_notes
 from pipeline.estimate.types import CameraBlur, Estimated, Measured
 
 
@@ -126,6 +127,9 @@ def estimate_tracks(measured: Measured, config: Config, remarks: Remarks) -> Row
             for name, e in made.items()
         }
         made[FUSED] = best
+    share = shares_of(measured, config.estimate)
+    made = {name: as_turned(e, share) for name, e in made.items()}
+    remarks.add(turn_notes(measured, made.values(), config.estimate))
     remarks.count(measured, made.values())
     for name, estimated in made.items():
         remarks.add(outside_calibration(measured, estimated, name))

@@ -22,6 +22,7 @@ from pipeline.estimate.methods.scaling import (
     with_heights,
     with_positions,
 )
+from pipeline.estimate.turned import shares_of
 from pipeline.estimate.types import BoolArray, Estimated
 from pipeline.optics.object_size import depth_from_size_m, depth_from_size_std_m
 
@@ -86,7 +87,12 @@ def _by_prior(geometry: Geometry, prior: SizePrior, config: Config) -> Depths:
     angle, angle_std = angle_of(geometry, prior.dimension)
     depth_m = _over(prior.mean_m, angle)
     noise_m = depth_from_size_std_m(depth_m, angle, angle_std)
-    common_m = depth_m * math.hypot(prior.any_std_m / prior.mean_m, _focal_std(geometry))
+    relative = math.hypot(prior.any_std_m / prior.mean_m, _focal_std(geometry))
+    share = shares_of(geometry.measured, config.estimate, prior.dimension)
+    if share is None:
+        return Depths(depth_m, noise_m, depth_m * relative, prior.dimension)
+    depth_m, noise_m = depth_m / share.mean, noise_m / share.mean
+    common_m = depth_m * np.hypot(relative, share.std / share.mean)
     return Depths(depth_m, noise_m, common_m, prior.dimension)
 
 
