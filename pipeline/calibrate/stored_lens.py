@@ -9,7 +9,7 @@ from pipeline.calibrate.camera_entry import is_unsure
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import CameraConfig
 from pipeline.core.exposure import Exposure
-from pipeline.core.lens import intrinsics_of, lens_of
+from pipeline.core.lens import intrinsics_of, lens_of, lens_sources
 from pipeline.core.records import FoundLens, GroundPlane, Intrinsics
 
 
@@ -26,7 +26,8 @@ def known_lens(row: CameraRow, camera: CameraConfig) -> CameraRow:
     if row.intrinsics_source == "recording" and stated and row.size_px is not None:
         lens = lens_of(Exposure(), camera, row.intrinsics, *row.size_px)
         found, source, _ = intrinsics_of(row.intrinsics, camera, lens, *row.size_px)
-        return row.with_lens(found, source, camera.focal_std_px or None)
+        of_rest = lens_sources(found, camera, source) if found else (None, None)
+        return row.with_lens(found, source, camera.focal_std_px or None, of_rest)
     if row.fx_px is not None and row.intrinsics_source != "walkers":
         if not is_unsure(camera, row):
             return replace(row, focal_std_px=None)
@@ -38,7 +39,7 @@ def known_lens(row: CameraRow, camera: CameraConfig) -> CameraRow:
     if found is None or not math.isfinite(found.fx_px):
         return bare
     unsure_px = (camera.focal_std_px or None) if source == "camera_file" else None
-    return row.with_lens(found, source, unsure_px)
+    return row.with_lens(found, source, unsure_px, lens_sources(found, camera, source))
 
 
 def with_found(row: CameraRow, lens: FoundLens) -> CameraRow:

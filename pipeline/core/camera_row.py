@@ -39,6 +39,12 @@ class CameraRow:
     recorded_roll_rad: float | None = None
     recorded_ground_frame: str | None = None
     focal_std_px: float | None = None
+    centre_source: str | None = None
+    distortion_source: str | None = None
+    rectified_fx_px: float | None = None
+    rectified_fy_px: float | None = None
+    rectified_cx_px: float | None = None
+    rectified_cy_px: float | None = None
 
     @property
     def size_px(self) -> tuple[int, int] | None:
@@ -75,10 +81,46 @@ class CameraRow:
             self.distortion or (),
         )
 
+    @property
+    def rectified(self) -> Intrinsics | None:
+        """The lens if the pictures were rectified, where the recording leaves that open."""
+        names = ("rectified_fx_px", "rectified_fy_px", "rectified_cx_px", "rectified_cy_px")
+        values = [v for name in names if (v := getattr(self, name)) is not None]
+        if len(values) < len(names) or self.width_px is None or self.height_px is None:
+            return None
+        return Intrinsics(self.width_px, self.height_px, *values)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the recording's transforms say that the camera moves: then it has no one pose."""
+        return self.recorded_ground_frame is not None and self.recorded_height_m is None
+
+    def with_rectified(self, lens: Intrinsics | None) -> CameraRow:
+        """Return the row with the lens that holds if the pictures were rectified."""
+        return replace(
+            self,
+            rectified_fx_px=lens.fx_px if lens else None,
+            rectified_fy_px=lens.fy_px if lens else None,
+            rectified_cx_px=lens.cx_px if lens else None,
+            rectified_cy_px=lens.cy_px if lens else None,
+        )
+
     def with_lens(
-        self, lens: Intrinsics | None, source: str | None, focal_std_px: float | None = None
+        self,
+        lens: Intrinsics | None,
+        source: str | None,
+        focal_std_px: float | None = None,
+        sources: tuple[str | None, str | None] = (None, None),
     ) -> CameraRow:
-        """Return the row with another lens, or with none; the size of the pictures stays."""
+        """Return the row with another lens, or with none; the size of the pictures stays.
+
+        Args:
+            lens: the lens.
+            source: of its focal length.
+            focal_std_px: standard error of the focal length where walkers told it.
+            sources: of its centre and of its distortion; that of the focal length, if not stated.
+        """
+        sources = (sources[0] or source, sources[1] or source)
         return replace(
             self,
             fx_px=lens.fx_px if lens else None,
@@ -89,6 +131,8 @@ class CameraRow:
             distortion=lens.distortion if lens else None,
             intrinsics_source=source,
             focal_std_px=focal_std_px,
+            centre_source=sources[0],
+            distortion_source=sources[1],
         )
 
 

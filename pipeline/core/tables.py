@@ -44,6 +44,12 @@ CAMERAS = _schema(
     ("recorded_roll_rad", _F64),
     ("recorded_ground_frame", _TEXT),
     ("focal_std_px", _F64),
+    ("centre_source", _TEXT),
+    ("distortion_source", _TEXT),
+    ("rectified_fx_px", _F64),
+    ("rectified_fy_px", _F64),
+    ("rectified_cx_px", _F64),
+    ("rectified_cy_px", _F64),
 )
 
 FRAMES = _schema(

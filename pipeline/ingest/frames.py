@@ -28,7 +28,7 @@ from pipeline.ingest.pairing import Paired
 from pipeline.ingest.pairing_notes import TAKEN, pairing_notes
 from pipeline.ingest.partners import Asked, Partners
 from pipeline.ingest.plausibility import refuse_implausible
-from pipeline.ingest.pose import CameraPose, TransformTree, UnusablePose
+from pipeline.ingest.pose import BODY_FRAME, MOVING, CameraPose, TransformTree, UnusablePose
 from pipeline.ingest.sample_bits import SampleBits
 from pipeline.ingest.sources import Channels, Source
 from pipeline.ingest.video_stream import Out
@@ -63,6 +63,7 @@ class FrameAssembler:
     ) -> None:
         self.file = file
         self.poses: dict[str, CameraPose] = {}  # by the recording's transforms
+        self.moving: set[str] = set()  # cameras that have several poses
         self.cameras: dict[str, str] = {}  # image topic -> camera
         self.frame_ids: dict[str, str] = {}  # camera -> frame_id
         self._notes = notes
@@ -164,6 +165,8 @@ class FrameAssembler:
             self._enqueue_video(message, payload, raw)
         elif kind is Kind.TRANSFORMS:
             self._transforms.add(payload)  # type: ignore[arg-type]
+            for camera in self.frame_ids:
+                self._find_pose(camera, raw)
         else:
             self._keep_value(kind, message, raw)
 
@@ -263,7 +266,7 @@ class FrameAssembler:
         exposure = self._exposure(waiting, asked)
         lens = self._lens(waiting, asked)
         truth = self._taken(Kind.TRUTH, camera, asked)
-        self._find_pose(waiting)
+        self._find_pose(camera, waiting)
         index = self._frame_counts.get(camera, 0)
         self._frame_counts[camera] = index + 1
         return Frame(
@@ -327,20 +330,28 @@ class FrameAssembler:
             return Paired(own, Pairing.EMBEDDED, 0) if known else None
         return found._replace(value=filled(found.value, own))
 
-    def _find_pose(self, waiting: Waiting) -> None:
-        """Learn the camera's pose from the transforms; say when it moves, or cannot be told."""
-        camera, version = waiting.camera, self._transforms.version
+    def _find_pose(self, camera: str, at: Waiting | RawMessage) -> None:
+        """Learn a camera's pose from the transforms; say when it moves, or cannot be told."""
+        version = self._transforms.version
         if self._posed.get(camera, 0) == version:
             return
         self._posed[camera] = version
         try:
             pose = self._transforms.pose(self.frame_ids[camera])
         except UnusablePose as error:
-            self._tell_of_picture(Severity.INFO, "pose_unused", str(error), waiting)
+            self._tell_of_camera("pose_unused", str(error), camera, at)
             return
-        if pose is not None and pose.moved_from(self.poses.setdefault(camera, pose)):
-            text = "the camera moves, by the transforms; its first pose is used, and is wrong later"
-            self._tell_of_picture(Severity.WARNING, "moving_camera", text, waiting)
+        if pose is None:
+            return
+        if pose.is_of_body:
+            self._tell_of_camera("body_frame", BODY_FRAME, camera, at)
+        if pose.moved_from(self.poses.setdefault(camera, pose)) and camera not in self.moving:
+            self.moving.add(camera)
+            self._tell_of_camera("moving_camera", MOVING, camera, at)
+
+    def _tell_of_camera(self, code: str, text: str, camera: str, at: Waiting | RawMessage) -> None:
+        note = Diagnostic(Severity.WARNING, code, text, camera=camera, byte_offset=at.byte_offset)
+        self._notes.add(replace(note, log_time_ns=min(at.log_time_ns, MAX_TIME_NS)))
 
     def _nearest_or_last(self, kind: Kind, camera: str, asked: Asked) -> Any:
         lane = self._lanes.of_camera(kind, camera)

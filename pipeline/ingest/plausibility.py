@@ -20,6 +20,12 @@ from pipeline.messages.content import Decoded, Payload
 # Farther than this nothing can be seen on the ground; nothing that is taller stands there.
 LONGEST_M = 1e6
 WIDEST_STD_PX = 1e4
+# A box of less than this cannot be seen; in shares of a picture all boxes end at 1, but for rounding.
+SHARE_ENDS_PX = 1.5
+IN_SHARES = (
+    "the boxes are in shares of the picture (0 to 1), not in pixels: they are not used; multiply them by "
+    "the picture's width and height"
+)
 
 
 def refuse_implausible(message: Decoded) -> Decoded:
@@ -30,6 +36,15 @@ def refuse_implausible(message: Decoded) -> Decoded:
         refused.append(f"the time {time_ns / 1e9:.9g} s is impossible; the log time is used")
         time_ns = None
     payload = _plausible(message.payload, refused)
+    if isinstance(payload, Boxes) and _in_shares(payload):
+        kept = [*message.refused, *refused, IN_SHARES]
+        return replace(
+            message,
+            capture_time_ns=time_ns,
+            payload=Boxes.empty(),
+            refused=kept,
+            code="boxes_not_in_pixels",
+        )
     if not refused:
         return message
     kept = message.refused + refused
@@ -58,6 +73,11 @@ def _boxes(boxes: Boxes, refused: list[str]) -> Boxes:
     return replace(boxes, score=np.where(bad_score, NAN, boxes.score)).take(
         np.flatnonzero(~bad_std)
     )
+
+
+def _in_shares(boxes: Boxes) -> bool:
+    """Return whether boxes are in shares of the picture: all of them lie in its first pixel."""
+    return len(boxes) > 0 and bool((np.abs(boxes.bbox_xyxy_px) <= SHARE_ENDS_PX).all())
 
 
 def _true_object(truth: TrueObject, refused: list[str]) -> TrueObject:

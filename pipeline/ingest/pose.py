@@ -29,6 +29,21 @@ MAX_CHAIN = 64
 # points so far up is hardly in an optical frame.
 _STEEPEST_RAD = math.radians(89.0)
 _HIGHEST_M = 10_000.0
+# A camera that looks up by more than this sees no ground below its horizon, unless its lens is very wide:
+# its frame is that of its body (REP 103: x ahead, y left, z up) if that looks ahead and is level.
+_UP_RAD, _LEVEL_RAD = math.radians(-30.0), math.radians(60.0)
+# The axes of an optical frame (x right, y down, z ahead) in that of the body.
+_OPTICAL_IN_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+BODY_FRAME = (
+    "the frame of the pictures is turned as that of a body (x ahead, y left, z up), not as an optical "
+    "one (x right, y down, z ahead): it is taken as such; name the optical frame in the pictures' "
+    "header, or give the pose in a camera file"
+)
+MOVING = (
+    "the camera moves, by the transforms: it has no one pose, and none is used, so that there are no "
+    "distances by the ground; cut the recording where the camera stands still, or give the pose in a "
+    "camera file if it does not move"
+)
 # What a fixed camera may move by rounding and jitter.
 MOVED_M, MOVED_RAD = 0.05, math.radians(0.5)
 
@@ -40,6 +55,7 @@ class CameraPose(NamedTuple):
     tilt_rad: float
     roll_rad: float
     ground_frame: str
+    is_of_body: bool = False  # whether its frame was not an optical one
 
     def moved_from(self, other: CameraPose) -> bool:
         """Return whether this is another pose than `other`, beyond jitter."""
@@ -89,8 +105,11 @@ class TransformTree:
             turn = rotation_matrix(step.rotation_xyzw)
             rotation = turn @ rotation
             position = turn @ position + np.asarray(step.translation_m)
-        gravity = -rotation[2]
-        tilt = math.asin(min(1.0, max(-1.0, float(gravity[2]))))
+        tilt, roll = _tilt_and_roll(rotation)
+        body = _tilt_and_roll(rotation @ _OPTICAL_IN_BODY)
+        named = "optical" in camera_frame.lower()
+        of_body = not named and tilt < _UP_RAD < body[0] and abs(body[1]) < _LEVEL_RAD
+        tilt, roll = body if of_body else (tilt, roll)
         height_m, ground = float(position[2]), steps[-1].parent
         if not 0 < height_m < _HIGHEST_M or abs(tilt) > _STEEPEST_RAD:
             raise UnusablePose(
@@ -98,7 +117,7 @@ class TransformTree:
                 f"{math.degrees(tilt):.1f} degrees below the horizon, which is no camera over "
                 "ground (its frame must be optical: x right, y down, z ahead)"
             )
-        return CameraPose(height_m, tilt, math.atan2(gravity[0], gravity[1]), ground)
+        return CameraPose(height_m, tilt, roll, ground, of_body)
 
     def _chain(self, frame: str) -> list[Transform]:
         chain: list[Transform] = []
@@ -123,6 +142,13 @@ class TransformTree:
             else f"the transforms place {camera_frame!r} in {', '.join(map(repr, parents))}; which of "
             "these lies on the ground is not known (a camera file can say: [ingest] ground_frame)"
         )
+
+
+def _tilt_and_roll(rotation: FloatArray) -> tuple[float, float]:
+    """Return the tilt and roll of a camera, by the rotation from its optical frame to the ground's."""
+    gravity = -rotation[2]
+    tilt = math.asin(min(1.0, max(-1.0, float(gravity[2]))))
+    return tilt, math.atan2(float(gravity[0]), float(gravity[1]))
 
 
 def rotation_matrix(xyzw: tuple[float, float, float, float]) -> FloatArray:

@@ -9,7 +9,14 @@ from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
-from pipeline.core.lens import Lens, intrinsics_of, lens_of
+from pipeline.core.lens import (
+    Lens,
+    fit_to_picture,
+    intrinsics_of,
+    lens_of,
+    lens_sources,
+    overridden,
+)
 from pipeline.core.records import Boxes, Diagnostic, Frame, Intrinsics, Severity
 from pipeline.core.sensors.hints import assumption_of
 from pipeline.core.timing import StageTimes
@@ -55,6 +62,7 @@ class CameraStage:
         self.backdrop = Backdrop()
         self.intrinsics: Intrinsics | None = None
         self._intrinsics_source: str | None = None
+        self._rectified: Intrinsics | None = None
         self._config = config
         self._settings = config.camera_named(camera)
         self._notes = notes
@@ -147,6 +155,9 @@ class CameraStage:
         lens = lens_of(frame.exposure, self._settings, frame.intrinsics, *size_px)
         if picture is not None:
             self._learn_intrinsics(frame, lens, size_px)
+        text = overridden(frame.exposure, self._settings)
+        if text is not None:
+            self._note(frame, "camera_file_overrides", text)
         return lens
 
     def _learn_intrinsics(self, frame: Frame, lens: Lens, size_px: tuple[int, int]) -> None:
@@ -165,6 +176,8 @@ class CameraStage:
         if found is not None:
             self._note_rounding(frame, source, lens)
             self.intrinsics, self._intrinsics_source = found, source
+            other = frame.rectified
+            self._rectified = fit_to_picture(other, *size_px) if other else None
 
     def _note_rounding(self, frame: Frame, source: str | None, lens: Lens) -> None:
         """Say that angles come from a data sheet, or from a focal length that cameras round."""
@@ -183,8 +196,10 @@ class CameraStage:
                 "fx_px or pixel_pitch_x_um in a camera file",
             )
 
-    def row(self, frame_id: str | None, pose: CameraPose | None) -> CameraRow:
-        """Return the camera as it is known after pass 1."""
+    def row(
+        self, frame_id: str | None, pose: CameraPose | None, *, moves: bool = False
+    ) -> CameraRow:
+        """Return the camera as it is known after pass 1; `moves` says that it has no one pose."""
         row = CameraRow(
             self.camera,
             topic=self.topic,
@@ -200,11 +215,17 @@ class CameraStage:
                 recorded_roll_rad=pose.roll_rad,
                 recorded_ground_frame=pose.ground_frame,
             )
+            if moves:
+                row = replace(
+                    row, recorded_height_m=None, recorded_tilt_rad=None, recorded_roll_rad=None
+                )
         k = self.intrinsics
         if k is None:
             return row
         row = replace(row, width_px=k.width_px, height_px=k.height_px)
-        return row.with_lens(k, self._intrinsics_source)
+        sources = lens_sources(k, self._settings, self._intrinsics_source)
+        row = row.with_lens(k, self._intrinsics_source, sources=sources)
+        return row.with_rectified(self._rectified if row.intrinsics_source == "recording" else None)
 
     def _note(self, frame: Frame, code: str, message: str) -> None:
         self._notes.add(

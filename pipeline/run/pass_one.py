@@ -124,7 +124,8 @@ class FirstPass:
             parts.write("tracks", stage.tracker.tracks())
             parts.write("background_lines", edges)
             frame_id = self.assembler.frame_ids.get(stage.camera)
-            camera = stage.row(frame_id, self.assembler.poses.get(stage.camera))
+            pose, moves = self.assembler.poses.get(stage.camera), self.assembler.moving
+            camera = stage.row(frame_id, pose, moves=stage.camera in moves)
             parts.write("cameras", camera_table([camera]))
         self._note_absences()
         parts.write("diagnostics", diagnostics_table(list(self.notes)))

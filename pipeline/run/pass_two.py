@@ -29,6 +29,7 @@ from pipeline.estimate.estimate_tracks import Remarks, camera_blur, estimate_tra
 from pipeline.estimate.tables import Rows
 from pipeline.estimate.track_batches import Tracks
 from pipeline.run.exposure_notes import exposure_notes
+from pipeline.run.people_check import lens_by_people, people_of, refused_pose
 from pipeline.run.scale_notes import scale_notes
 from pipeline.run.stored_camera import StoredCamera, lines_of
 from pipeline.store.database import Store
@@ -101,15 +102,26 @@ def _pose(
 ) -> GroundPlane | None:
     """Return the camera's pose.
 
-    As the camera file gives it, else by the recording's transforms, else from the people who walk.
+    As the camera file gives it, else by the recording's transforms, else from the people who walk. A
+    claimed pose under which people are impossible is told, and not used.
     """
-    name = camera.row.camera
-    given = given_pose(config.camera_named(name), camera.row) or recorded_pose(camera.row)
-    prior = config.stature
-    if given is not None or prior is None:
-        return given
+    name, prior = camera.row.camera, config.stature
+    poses = given_pose(config.camera_named(name), camera.row), recorded_pose(camera.row)
+    claimed = [pose for pose in poses if pose is not None]
+    if prior is None:
+        return claimed[0] if claimed else None
     measured = camera.people(tracks)
     if measured is None:
+        return claimed[0] if claimed else None
+    camera.row, told = lens_by_people(camera.row, measured, next(iter(claimed), None), prior)
+    remarks.add([told] if told else [])
+    measured = replace(measured, intrinsics=camera.row.intrinsics)
+    for pose in claimed:
+        reason = people_of(measured, pose, prior).impossible(prior)
+        if reason is None:
+            return pose
+        remarks.add([refused_pose(name, pose, reason)])
+    if camera.row.moves:
         return None
     try:
         found = calibrate_stored(measured, camera.row, prior, lines_px=lines_px)

@@ -32,6 +32,8 @@ _LENS_COLUMNS = (
     "distortion_model",
     "distortion",
     "intrinsics_source",
+    "centre_source",
+    "distortion_source",
 )
 # Observations of the tracks that lasted, of the class that their track was found to have.
 _JUDGED = """

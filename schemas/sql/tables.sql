@@ -74,7 +74,13 @@ CREATE TABLE IF NOT EXISTS cameras (
     recorded_tilt_rad   DOUBLE,
     recorded_roll_rad   DOUBLE,
     recorded_ground_frame VARCHAR,
-    focal_std_px        DOUBLE
+    focal_std_px        DOUBLE,
+    centre_source       VARCHAR,
+    distortion_source   VARCHAR,
+    rectified_fx_px     DOUBLE,
+    rectified_fy_px     DOUBLE,
+    rectified_cx_px     DOUBLE,
+    rectified_cy_px     DOUBLE
 );
 COMMENT ON TABLE cameras IS 'One row for each camera of a recording: its lens in pixels and, where known, its pose above the ground.';
 COMMENT ON COLUMN cameras.recording_id IS 'The recording.';
@@ -89,7 +95,13 @@ COMMENT ON COLUMN cameras.cx_px IS 'Principal point, horizontal.';
 COMMENT ON COLUMN cameras.cy_px IS 'Principal point, vertical.';
 COMMENT ON COLUMN cameras.distortion_model IS 'plumb_bob, rational_polynomial, equidistant, or empty.';
 COMMENT ON COLUMN cameras.distortion IS 'Coefficients of the distortion model.';
-COMMENT ON COLUMN cameras.intrinsics_source IS 'recording, camera_file, lens_data (focal length over pixel pitch, centre assumed), or walkers (found with the pose from the people who walk; square pixels, centre and no distortion assumed).';
+COMMENT ON COLUMN cameras.intrinsics_source IS 'Origin of fx_px and fy_px: recording, camera_file, lens_data (focal length over pixel pitch, centre assumed), or walkers (found with the pose from the people who walk; square pixels, centre and no distortion assumed).';
+COMMENT ON COLUMN cameras.centre_source IS 'Origin of cx_px and cy_px: recording, camera_file, walkers, or assumed (the middle of the picture).';
+COMMENT ON COLUMN cameras.distortion_source IS 'Origin of the distortion: recording, camera_file, walkers, or assumed (none).';
+COMMENT ON COLUMN cameras.rectified_fx_px IS 'Focal length in horizontal pixels if the pictures were rectified (P of the calibration); NULL where that is not open.';
+COMMENT ON COLUMN cameras.rectified_fy_px IS 'The same in vertical pixels.';
+COMMENT ON COLUMN cameras.rectified_cx_px IS 'Principal point if the pictures were rectified, horizontal.';
+COMMENT ON COLUMN cameras.rectified_cy_px IS 'Principal point if the pictures were rectified, vertical.';
 COMMENT ON COLUMN cameras.focal_std_px IS 'Standard error of fx_px and fy_px where they were found from walkers, now or when the camera file was written, or where walkers contradict lens data; NULL where they are given.';
 COMMENT ON COLUMN cameras.camera_height_m IS 'Height of the camera above the ground.';
 COMMENT ON COLUMN cameras.camera_height_std_m IS 'Standard error of camera_height_m.';
@@ -101,7 +113,7 @@ COMMENT ON COLUMN cameras.pose_source IS 'given (camera file), transforms (of th
 COMMENT ON COLUMN cameras.recorded_height_m IS 'Height of the camera above the ground by the transforms in the recording; used where no camera file gives a pose.';
 COMMENT ON COLUMN cameras.recorded_tilt_rad IS 'Tilt below the horizon by the transforms in the recording.';
 COMMENT ON COLUMN cameras.recorded_roll_rad IS 'Roll by the transforms in the recording.';
-COMMENT ON COLUMN cameras.recorded_ground_frame IS 'The frame of the transforms whose plane z = 0 was taken for the ground.';
+COMMENT ON COLUMN cameras.recorded_ground_frame IS 'The frame of the transforms whose plane z = 0 was taken for the ground; with recorded_height_m NULL the camera moves by the transforms, and has no one pose.';
 
 CREATE TABLE IF NOT EXISTS frames (
     recording_id          VARCHAR NOT NULL,

@@ -22,9 +22,20 @@ def test_what_was_found_is_looked_for_again() -> None:
     assert known_lens(row, CameraConfig("a")) == BARE
 
 
-def test_the_recordings_lens_stays() -> None:
+def test_the_recordings_lens_stays_where_the_camera_file_states_none() -> None:
     row = replace(BARE, fx_px=800.0, intrinsics_source="recording")
-    assert known_lens(row, CameraConfig("a", fx_px=900.0)) == row
+    assert known_lens(row, CameraConfig("a", f_number=2.0)) == row
+
+
+def test_a_focal_length_of_the_camera_file_goes_before_the_recordings() -> None:
+    """As in pass 1: the centre is kept only of a calibration that agrees."""
+    lens = Intrinsics(640, 480, 800.0, 800.0, 300.0, 250.0)
+    row = BARE.with_lens(lens, "recording")
+    known = known_lens(row, CameraConfig("a", fx_px=900.0))
+    assert (known.fx_px, known.cx_px) == (900.0, 319.5)
+    assert (known.intrinsics_source, known.centre_source) == ("camera_file", "assumed")
+    near = known_lens(row, CameraConfig("a", fx_px=805.0))
+    assert (near.fx_px, near.cx_px, near.centre_source) == (805.0, 300.0, "recording")
 
 
 @pytest.mark.parametrize("row", [BARE, with_found(BARE, FOUND)])

@@ -77,7 +77,7 @@ def test_the_nearest_convention_is_the_ground_and_a_camera_file_can_name_another
     [
         ([step("base_link", "cam", (0, 0, 2))], "not known"),
         ([step("map", "cam", (0, 0, -2), camera_rotation(0, 0.3, 0))], "no camera over ground"),
-        ([step("map", "cam", (0, 0, 2))], "optical"),  # z up: not an optical frame
+        ([step("map", "cam_optical", (0, 0, 2))], "optical"),  # z up: not an optical frame
         ([step("a", "cam"), step("cam", "a")], "no end"),
     ],
 )
@@ -85,10 +85,37 @@ def test_what_is_no_pose_is_said_to_be_none(transforms: list[Transform], word: s
     tree = TransformTree()
     tree.add(transforms)
     with pytest.raises(UnusablePose, match=word):
-        tree.pose("cam")
+        tree.pose(transforms[0].child)
 
 
 def test_the_frames_are_bounded() -> None:
     tree = TransformTree()
     tree.add(step("map", str(number)) for number in range(MAX_FRAMES + 10))
     assert len(tree) == MAX_FRAMES
+
+
+@given(angle, st.floats(-0.4, 1.0), st.floats(-0.5, 0.5))
+def test_a_frame_of_the_body_is_recognised_and_gives_the_same_pose(
+    heading: float, tilt: float, roll: float
+) -> None:
+    """REP 103: x ahead, y left, z up; its optical frame is turned by -90, 0, -90 degrees."""
+    optical = camera_rotation(heading, tilt, roll)
+    body = optical * Rotation.from_euler("xyz", (-90, 0, -90), degrees=True).inv()
+    tree = TransformTree()
+    tree.add(
+        [step("map", "camera_link", (0, 0, 4.0), body), step("map", "cam", (0, 0, 4.0), optical)]
+    )
+    by_body, by_optical = tree.pose("camera_link"), tree.pose("cam")
+    assert by_body is not None
+    assert by_optical is not None
+    assert (by_body.is_of_body, by_optical.is_of_body) == (True, False)
+    assert by_body[:3] == pytest.approx((4.0, tilt, roll), abs=1e-9)
+
+
+def test_a_frame_that_is_named_optical_is_taken_at_its_word() -> None:
+    up = camera_rotation(0, -0.9, 0)
+    tree = TransformTree()
+    tree.add([step("map", "cam_optical_frame", (0, 0, 4.0), up)])
+    pose = tree.pose("cam_optical_frame")
+    assert pose is not None
+    assert (pose.tilt_rad, pose.is_of_body) == (pytest.approx(-0.9), False)
