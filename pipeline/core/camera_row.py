@@ -92,7 +92,7 @@ class CameraRow:
 
     @property
     def moves(self) -> bool:
-        """Whether the recording's transforms say that the camera moves: then it has no one pose."""
+        """True if the camera moves by the transforms of the recording: then it has no one pose."""
         return self.recorded_ground_frame is not None and self.recorded_height_m is None
 
     def with_rectified(self, lens: Intrinsics | None) -> CameraRow:
