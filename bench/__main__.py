@@ -12,6 +12,7 @@ from bench import (
     speed,
     street,
     timeline,
+    tracking,
     walkers,
 )
 from pipeline.cli.console import out
@@ -20,6 +21,7 @@ for title, part in (
     ("The paper's rows", paper),
     ("The pose from walkers", walkers),
     ("The street's survey", street),
+    ("Tracks on the street", tracking),
     ("Boxes of the motion detector", boxes),
     ("Pictures of many cameras", scenes),
     ("Depth from defocus", defocus),

@@ -62,7 +62,8 @@ def measure(
         db: DuckDB file; it is made if it does not exist.
         camera: camera file, or a `Config`; None takes the defaults.
         detector: `auto`, `recorded`, `roi`, `motion` or `onnx`; overrides the camera file.
-        model: ONNX file of a network; implies the detector `onnx`.
+        model: ONNX file of a network. It looks at every fifth frame, and tells which of the tracks that
+            motion finds are people; with the detector `onnx` it looks at every frame, instead of motion.
         model_family: family of the network, needed if its outputs fit several.
         timelines: folder for a Rerun timeline of each recording; None writes none.
         preview_px: longer side of the timelines' pictures, in pixels; None keeps them as recorded.
@@ -209,9 +210,9 @@ def _with_detector(
 
     detect = config.detect
     if model is not None:
-        if detector not in (None, "onnx"):
-            raise UsageError(f"a model goes with the detector onnx, not {detector}")
-        detect = replace(detect, method="onnx", model=str(model))
+        if detector not in (None, "auto", "motion", "onnx"):
+            raise UsageError(f"a model goes with the detectors motion and onnx, not {detector}")
+        detect = replace(detect, model=str(model))
     if model_family is not None:
         detect = replace(detect, model_family=model_family)
     if detector is not None:

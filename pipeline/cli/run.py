@@ -33,7 +33,12 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")
     parser.add_argument("--detector", choices=CHOICES)
-    parser.add_argument("--model", type=Path, metavar="FILE", help="the network of onnx")
+    parser.add_argument(
+        "--model",
+        type=Path,
+        metavar="FILE",
+        help="a network (ONNX) that tells which tracks are people; with --detector onnx it finds them",
+    )
     parser.add_argument("--model-family", metavar="NAME", help="where its outputs fit several")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
     _add_shared(parser)

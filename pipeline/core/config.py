@@ -98,7 +98,11 @@ class DetectConfig:
     # The smallest object, as a share of the picture's height: below it, one pixel of error at the
     # foot or head is more than a tenth of the object in most recordings.
     min_height: float = 0.04
-    # What follows is for the method onnx. Relative paths start at the camera file's folder.
+    # A network that is given beside the method motion looks at every so manieth frame, and tells which
+    # tracks are people.
+    verify_every: int = 5
+    # What follows is of a network (the method onnx, or beside motion). Relative paths start at the
+    # camera file's folder.
     model: str = ""
     model_family: str = "auto"  # see `pipeline.detect.network.families`
     model_classes: tuple[str, ...] = ()  # by index, where the file does not name them

@@ -138,6 +138,10 @@ def check_detector(config: DetectConfig) -> None:
 
     if config.method != AUTO and _row_named(config.method).tried_first:
         make_detector(config, CameraConfig(""), recorded=False)
+    elif config.model:
+        from pipeline.detect.verify import Verifier
+
+        Verifier(config)
 
 
 def _row_named(name: str) -> DetectorRow:

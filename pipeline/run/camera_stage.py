@@ -21,11 +21,12 @@ from pipeline.core.records import Boxes, Diagnostic, Frame, Intrinsics, Severity
 from pipeline.core.sensors.hints import assumption_of
 from pipeline.core.timing import StageTimes
 from pipeline.detect import AS_GIVEN, Detector, make_detector
+from pipeline.detect.verify import Verifier
 from pipeline.images.decode import Picture, decode
 from pipeline.images.raw import compressed
 from pipeline.ingest.plausibility import inside_picture
 from pipeline.ingest.pose import CameraPose
-from pipeline.measure.appearance import colours
+from pipeline.measure.appearance import colours as colours_of
 from pipeline.measure.background_lines import Backdrop
 from pipeline.measure.observations import Seen, luminance_inside
 from pipeline.track.tracker import Tracker
@@ -58,6 +59,7 @@ class CameraStage:
         self.detector: Detector = make_detector(
             config.detect, config.camera_named(camera), recorded
         )
+        self.verifier = _verifier(config, self.detector)
         self.tracker = Tracker(config.track, camera)
         self.backdrop = Backdrop()
         self.intrinsics: Intrinsics | None = None
@@ -126,7 +128,12 @@ class CameraStage:
             ids = self.tracker.update(frame.capture_time_ns, frame.frame_index, boxes)
         with times.stage("measure"):
             light = luminance_inside(picture, boxes)
-            return Seen(frame, picture, boxes, ids, light, self._colours(frame, picture, boxes))
+            colours = self._colours(frame, picture, boxes)
+        confirmed = None
+        if self.verifier is not None and picture is not None:
+            with times.stage("verify"):
+                confirmed = self.verifier.confirmed(frame, boxes, ids, self.decode_whole)
+        return Seen(frame, picture, boxes, ids, light, colours, confirmed)
 
     def _colours(self, frame: Frame, picture: Picture | None, boxes: Boxes) -> FloatArray | None:
         """Return the colours of boxes, now and then: people keep their clothes."""
@@ -136,7 +143,7 @@ class CameraStage:
         if not self._config.track.offline or self.detector.name in AS_GIVEN:
             return None
         self._coloured_ns = frame.capture_time_ns
-        return colours(picture, boxes.bbox_xyxy_px)
+        return colours_of(picture, boxes.bbox_xyxy_px)
 
     def _without_boxes_outside(self, item: Decoded) -> Decoded:
         """Leave out recorded boxes that lie outside of their picture, and say so."""
@@ -238,3 +245,8 @@ class CameraStage:
                 log_time_ns=frame.log_time_ns,
             )
         )
+
+
+def _verifier(config: Config, detector: Detector) -> Verifier | None:
+    """Return the network that confirms what motion finds, if there is one."""
+    return Verifier(config.detect) if config.detect.model and detector.name == "motion" else None

@@ -100,7 +100,7 @@ class PictureStream:
 
     def _new_stage(self, frame: Frame, recorded: bool) -> CameraStage:
         stage = CameraStage(self._config, frame.camera, frame.topic, self._notes, recorded=recorded)
-        if stage.detector.runs_on_opencv:
+        if stage.detector.runs_on_opencv or (stage.verifier and stage.verifier.runs_on_opencv):
             self._opencv.use_all_cores()
         self.stages[frame.camera] = stage
         return stage

@@ -162,7 +162,8 @@ class _Camera:
 
     def _with_refined(self, table: pa.Table, refined: BoxRows) -> pa.Table:
         confirmed = table["confirmed"].cast(pa.float64()).to_numpy()
-        confirmed = np.where(refined.measured, confirmed, np.nan)
+        # A part of something at the picture's edge (an arm) does not tell that it stands there whole.
+        confirmed = np.where(refined.measured & refined.whole, confirmed, np.nan)
         self._sums.add(
             refined.track,
             refined.frame,

@@ -38,11 +38,11 @@ _LENS_COLUMNS = (
 # Observations of the tracks that lasted, of the class that their track was found to have.
 _JUDGED = """
 SELECT o.* REPLACE (
-    CASE WHEN t.verdict IN ('refused', 'implausible') THEN 'unknown' ELSE o.class_name END
-    AS class_name
+    CASE WHEN t.verdict IS NOT NULL AND t.class_name = 'unknown' THEN 'unknown'
+    ELSE o.class_name END AS class_name
 )
 FROM ({source}) AS o JOIN (
-    SELECT camera, track_id, verdict FROM tracks WHERE recording_id = ?
+    SELECT camera, track_id, class_name, verdict FROM tracks WHERE recording_id = ?
 ) AS t USING (camera, track_id)
 """
 

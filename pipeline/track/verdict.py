@@ -1,7 +1,8 @@
 """Rows of the table `tracks` for refined tracks, with the verdict on each: a person, or not.
 
-A network that looks at some frames decides, if there is one. Columns alone refuse only what no person
-does; on footage of cars, bottles and leaves that is not enough, so that what they leave is undecided.
+A network that looks at some frames decides, if there is one: a track that it did not confirm is no
+person. Columns alone refuse only what no person does; on footage of cars, bottles and leaves that is not
+enough, so that what they leave is undecided, and is taken for people.
 """
 
 from __future__ import annotations
@@ -21,8 +22,6 @@ IMPLAUSIBLE, UNDECIDED = "implausible", "undecided"
 # A network that knows people finds them in most pictures, and something else in hardly any. Of people
 # that are half hidden or small it finds a part.
 LEAST_CONFIRMED = 0.3
-# Beside the least share, so many looks are asked of a refusal: who is seen once may have been hidden.
-LEAST_LOOKS = 2
 # Nobody runs so fast for long: 10 m/s is the fastest ever, 4 m/s (2.4 body heights a second) a runner
 # in a street. A track that is faster throughout is a vehicle, a bird, a shadow.
 FASTEST = 4.0  # body heights a second
@@ -114,12 +113,16 @@ def tracks_table(camera: str, sums: TrackSums, config: TrackConfig, *, judged: b
     ]
     tracks = tracks[kept]
     verdict = verdicts(tracks) if judged else [None] * len(tracks)
-    looked = tracks["looks"].where(tracks["looks"] > 0)
+    network = bool((tracks["looks"] > 0).any())
+    people = (None, CONFIRMED) if network else (None, UNDECIDED)
+    looked = (
+        tracks["looks"] if network else tracks["looks"].astype("float").where(tracks["looks"] > 0)
+    )
     columns = {
         "camera": [camera] * len(tracks),
         "track_id": tracks.index,
         "class_name": [
-            "unknown" if v in (REFUSED, IMPLAUSIBLE) else name
+            name if v in people else "unknown"
             for v, name in zip(verdict, tracks["class_name"], strict=True)
         ],
         "object_id": [None] * len(tracks),
@@ -143,6 +146,6 @@ def verdicts(tracks: pd.DataFrame) -> list[str | None]:
     speed = tracks["path"] / tracks["moved_s"].replace(0.0, np.nan)
     verdict = np.full(len(tracks), UNDECIDED, dtype=object)
     verdict[(speed > FASTEST).to_numpy()] = IMPLAUSIBLE
-    verdict[((share < LEAST_CONFIRMED) & (tracks["looks"] >= LEAST_LOOKS)).to_numpy()] = REFUSED
+    verdict[(share < LEAST_CONFIRMED).to_numpy()] = REFUSED
     verdict[(share >= LEAST_CONFIRMED).to_numpy()] = CONFIRMED
     return list(verdict)

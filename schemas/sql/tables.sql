@@ -217,9 +217,9 @@ COMMENT ON COLUMN tracks.first_time_ns IS 'Capture time of the first frame.';
 COMMENT ON COLUMN tracks.last_time_ns IS 'Capture time of the last frame.';
 COMMENT ON COLUMN tracks.observation_count IS 'Number of frames in which it was seen.';
 COMMENT ON COLUMN tracks.filled_count IS 'Number of frames in which it was not seen, but filled in: gaps of up to a second. NULL for tracks that the recording itself gives.';
-COMMENT ON COLUMN tracks.looked_at_count IS 'Number of its frames in which a network looked for people; NULL without a network.';
+COMMENT ON COLUMN tracks.looked_at_count IS 'Number of its frames, uncut by the picture''s edge, in which a network looked for people; NULL without a network.';
 COMMENT ON COLUMN tracks.confirmed_count IS 'Number of these in which the network found a person there.';
-COMMENT ON COLUMN tracks.verdict IS 'Decision on the class: confirmed or refused (by a network), implausible (too fast or too wide for a person), undecided (nothing tells). Refused and implausible tracks have the class unknown: no stature is assumed of them, and they tell nothing of the camera. NULL if the class is the word of the recording or of a network that found every box.';
+COMMENT ON COLUMN tracks.verdict IS 'Decision on the class: confirmed or refused (by a network that looked at some frames), implausible (too fast for a person), undecided (nothing tells; with a network: it never saw the track whole). Tracks that are not confirmed, where there is a network, and implausible ones have the class unknown: no stature is assumed of them, and they tell nothing of the camera. NULL if the class is the word of the recording or of a network that found every box.';
 
 CREATE TABLE IF NOT EXISTS observations (
     recording_id      VARCHAR NOT NULL,

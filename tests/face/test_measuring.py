@@ -125,7 +125,7 @@ def test_a_folder_of_parts_is_asked_and_merged(people: Path, tmp_path: Path) -> 
     ("arguments", "words"),
     [
         ({"workers": 0}, "at least 1"),
-        ({"model": "x.onnx", "detector": "motion"}, "goes with the detector onnx"),
+        ({"model": "x.onnx", "detector": "roi"}, "goes with the detectors motion and onnx"),
         ({"preview_px": 3}, "16 pixels"),
         ({"split_minutes": 0}, "above 0 minutes"),
         ({"camera": "absent.toml"}, "absent.toml"),

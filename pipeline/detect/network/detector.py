@@ -51,7 +51,8 @@ class OnnxDetector:
     learning_s = 0.0
     full_resolution = True
 
-    def __init__(self, config: DetectConfig) -> None:
+    def __init__(self, config: DetectConfig, *, every_class: bool = False) -> None:
+        """Load a network; with `every_class`, what is not asked for is found beside it."""
         if not config.model:
             raise UsageError(
                 "the detector onnx needs a model", remedy="Give an ONNX file with --model FILE"
@@ -62,6 +63,7 @@ class OnnxDetector:
                 remedy=f"Known are auto, {', '.join(FAMILIES)}",
             )
         self._config = config
+        self._every_class = every_class
         self._path = Path(config.model)
         try:
             self._load(read_onnx_file(self._path))
@@ -83,14 +85,16 @@ class OnnxDetector:
         # The outputs' shapes, which files often leave open, are seen on a picture of nothing.
         width, height = self._size
         blank = np.zeros((1, 3, height, width), dtype=self._dtype)
-        shapes = [o.shape for o in self._run(blank)]
+        outputs = self._run(blank)
+        shapes = [o.shape for o in outputs]
         names = self._config.model_classes or file.class_names()
         if len(names) == 1 and names[0] in CLASS_LISTS:
             names = CLASS_LISTS[names[0]]
         named = len(names) or None
         family = self._config.model_family
         if family == "auto":
-            family = recognise(shapes, self._size, named, file.metadata)
+            values = [np.asarray(o, dtype=np.float64) for o in outputs]
+            family = recognise(shapes, self._size, named, file.metadata, values)
         self._family = FAMILIES[family]
         decode(family, [np.zeros(s) for s in shapes], self._size, named)  # the shapes fit, or not
         self._class_count = class_count_of(family, shapes, self._size, named, file.metadata)
@@ -98,6 +102,8 @@ class OnnxDetector:
             names = _published_names(family, self._class_count, self._sizes, self._config.classes)
         self._names = tuple(names)
         self._kept = _kept(self._names, self._config.classes)
+        if self._every_class:
+            self._kept = np.arange(len(self._names))
 
     def prepared(self, picture: Picture) -> Picture:
         """Return it as it is."""

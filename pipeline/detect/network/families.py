@@ -11,7 +11,8 @@
     detections     (1, n) labels, (1, n, 4) x0 y0 x1 y1, (1, n) scores   RT-DETR, torchvision
 
 Families differ in how they want the picture, so that taking one for another gives boxes that look
-right and are not. Where the shapes fit two, nothing is guessed: the user has to say which.
+right and are not. Where shapes fit several, the values for one picture tell (`_by_values`); where these
+do not tell either, nothing is guessed: the user has to say which.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from pipeline.core.arrays import FloatArray
 from pipeline.core.errors import UnusableModel
 from pipeline.detect.network.input import Fit, Normalisation
 
@@ -30,6 +34,9 @@ STRIDES_LARGE = (8, 16, 32, 64)
 ANCHORS = 3  # boxes a cell in YOLOv5 and v7
 # Tasks whose networks give boxes with more values after the classes: masks, joints.
 MORE_VALUES = ("segment", "pose")
+# A box belongs to the cell in which its middle lies, or to one beside it: in the median it is nearer than
+# so many strides. Pixels of a picture of ten cells or more are far more than that.
+NEAR_CELL = 2.0
 MASK_VALUES, POSE_VALUES = 32, 51  # how many, where nothing says so
 
 
@@ -64,14 +71,16 @@ def recognise(
     size: tuple[int, int],
     class_count: int | None,
     metadata: dict[str, str] | None = None,
+    outputs: Sequence[FloatArray] = (),
 ) -> str:
-    """Return the family whose outputs have these shapes.
+    """Return the family whose outputs have these shapes, and these values.
 
     Args:
         shapes: of the outputs, in the file's order, as the network gave them.
         size: width and height of the input.
         class_count: how many classes the file or the user names; None if neither does.
         metadata: of the file.
+        outputs: values for any picture, in the file's order; none if they are not known.
 
     Raises:
         UnusableModel: no family has such outputs, or two have.
@@ -87,7 +96,7 @@ def recognise(
     if len(flat) == 2 and all(len(s) == 2 for s in flat):
         return _transformer(shapes, flat, class_count)
     if len(flat) == 1 and len(flat[0]) == 2:
-        return _single(shapes, flat[0], size, class_count)
+        return _single(shapes, flat[0], size, class_count, outputs)
     raise unknown_outputs(shapes, "no known person detector has such outputs")
 
 
@@ -110,6 +119,7 @@ def _single(
     shape: tuple[int, ...],
     size: tuple[int, int],
     class_count: int | None,
+    outputs: Sequence[FloatArray],
 ) -> str:
     rows, columns = shape
     cells = {cell_count(size, STRIDES), cell_count(size, STRIDES_LARGE)}
@@ -121,6 +131,12 @@ def _single(
         if columns == 4 + (class_count or 80):
             return "yolov8"
         if columns >= 6:
+            for values in outputs:
+                found = (
+                    _by_values(values.reshape(values.shape[-2:]), size) if values.ndim > 1 else ""
+                )
+                if found:
+                    return found
             raise _ambiguous(shapes, ("yolox", "yolox_decoded", "yolov5"))
     elif columns == 6 and class_count != 2:
         return "end_to_end"
@@ -129,6 +145,36 @@ def _single(
             raise _ambiguous(shapes, ("end_to_end", "rtdetr"))
         return "rtdetr"
     raise unknown_outputs(shapes, "no known person detector has such outputs")
+
+
+def _by_values(table: FloatArray, size: tuple[int, int]) -> str:
+    """Return the family of one box a cell, cx cy w h objectness classes, by its values; empty if unsure.
+
+    Boxes that are decoded lie near their cells, in pixels; those that are not are offsets from the cell
+    in strides, so that they do not follow the cells over the picture (Ge 2021, YOLOX: Exceeding YOLO
+    Series in 2021). YOLOv6 has no objectness and exports it as 1 throughout.
+    """
+    strides = STRIDES if len(table) == cell_count(size, STRIDES) else STRIDES_LARGE
+    x, y = (table[:, i].astype(np.float64) for i in range(2))
+    cell_x, cell_y, stride = cells(size, strides).T
+    if not (np.isfinite(x).all() and np.isfinite(y).all()) or (np.ptp(x) == 0 and np.ptp(y) == 0):
+        return ""
+    far = [np.median(np.abs(a - b) / stride) for a, b in ((x, cell_x), (y, cell_y))]
+    if max(far) < NEAR_CELL:
+        return "yolov5" if (table[:, 4] == 1).all() else "yolox_decoded"
+    if max(np.median(np.abs(x)), np.median(np.abs(y))) < NEAR_CELL:
+        return "yolox"
+    return ""
+
+
+def cells(size: tuple[int, int], strides: Sequence[int]) -> FloatArray:
+    """Return centre in pixels and stride of each cell of the grids over an input, (n, 3)."""
+    grids = []
+    for stride in strides:
+        x, y = np.meshgrid(np.arange(size[0] // stride), np.arange(size[1] // stride))
+        centre = (np.stack([x.ravel(), y.ravel()], axis=1) + 0.5) * stride
+        grids.append(np.column_stack([centre, np.full(x.size, float(stride))]))
+    return np.concatenate(grids)
 
 
 def class_count_of(
