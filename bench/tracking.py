@@ -2,9 +2,9 @@
 
     python -m bench.tracking [RECORDING TRUTH] [--model FILE]
 
-Without arguments: `street`, with the truth in `recordings/street_truth.csv`. The first row is of tracks as
-the tracker leaves them, the second of tracks that are linked, filled and smoothed once all is seen; with a
-network, the third is of those that it confirms.
+Without arguments: `street`, with the truth in `recordings/street_truth.csv`. The first row is of tracks
+as the tracker leaves them, the second of tracks that are linked, filled and smoothed once all is seen;
+with a network, the third is of those that it confirms.
 """
 
 from __future__ import annotations
