@@ -21,7 +21,7 @@ from pipeline.run.recordings import run
 from pipeline.run.truth import add_truth_of_file
 from pipeline.store.database import Store
 
-RECORDINGS = Path(__file__).resolve().parents[1] / "recordings"
+RECORDINGS = Path(__file__).resolve().parents[2] / "recordings"
 FIGURES = ("recall", "precision", "idf1", "hota", "deta", "assa", "mota")
 COUNTS = ("switch_count", "fragment_count")
 _ENDS = """
@@ -71,9 +71,3 @@ def _measured(recording: Path, truth: Path, config: Config) -> list[str]:
             (ends,) = store.query(_ENDS).to_pylist()
     shares = [f"{figures[name]:.3f}" for name in FIGURES]
     return [*shares, *(str(figures[name]) for name in COUNTS), *(f"{v:.2f}" for v in ends.values())]
-
-
-if __name__ == "__main__":
-    import sys
-
-    main(sys.argv[1:])

@@ -1,0 +1,7 @@
+"""`python -m bench.tracking`."""
+
+import sys
+
+from bench.tracking import main
+
+main(sys.argv[1:])
