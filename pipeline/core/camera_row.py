@@ -45,6 +45,7 @@ class CameraRow:
     rectified_fy_px: float | None = None
     rectified_cx_px: float | None = None
     rectified_cy_px: float | None = None
+    pose_loadings: tuple[float, ...] | None = None
 
     @property
     def size_px(self) -> tuple[int, int] | None:
@@ -141,7 +142,8 @@ def camera_rows(table: pa.Table) -> list[CameraRow]:
     names = [f.name for f in fields(CameraRow)]
     rows = table.select(names).to_pylist()
     for row in rows:
-        row["distortion"] = None if row["distortion"] is None else tuple(row["distortion"])
+        for name in ("distortion", "pose_loadings"):
+            row[name] = None if row[name] is None else tuple(row[name])
     return [CameraRow(**row) for row in rows]
 
 

@@ -15,7 +15,7 @@ def _schema(*columns: tuple[str, pa.DataType]) -> pa.Schema:
     return pa.schema([pa.field(name, kind) for name, kind in columns])
 
 
-_I32, _I64, _F64 = pa.int32(), pa.int64(), pa.float64()
+_I32, _I64, _F32, _F64 = pa.int32(), pa.int64(), pa.float32(), pa.float64()
 
 _TEXT, _BOOL = pa.string(), pa.bool_()
 
@@ -50,6 +50,7 @@ CAMERAS = _schema(
     ("rectified_fy_px", _F64),
     ("rectified_cx_px", _F64),
     ("rectified_cy_px", _F64),
+    ("pose_loadings", pa.list_(_F64)),
 )
 
 FRAMES = _schema(
@@ -161,6 +162,15 @@ TRACK_HEIGHTS = _schema(
     ("depth_median_m", _F64),
     ("depth_max_m", _F64),
     ("observation_count", _I32),
+    ("height_low_m", _F64),
+    ("height_high_m", _F64),
+    ("own_std_m", _F64),
+    ("common_loadings_m", pa.list_(pa.float32(), 6)),
+    ("scale_share", _F32),
+    ("camera_share", _F32),
+    ("boxes_share", _F32),
+    ("posture_share", _F32),
+    ("doubt_share", _F32),
 )
 
 OBSERVATION_QUALITY = _schema(

@@ -14,6 +14,7 @@ from pipeline.core.records import Diagnostic, GroundPlane
 from pipeline.core.tables import ESTIMATES, OBSERVATION_QUALITY, TRACK_HEIGHTS
 from pipeline.estimate.applicability import Classes, not_applicable, outside_calibration
 from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.boxes.joint_slopes import log_slopes
 from pipeline.estimate.boxes.quality import Quality, assess, with_track
 from pipeline.estimate.boxes.reach import with_reach
 from pipeline.estimate.fusion import fused
@@ -133,7 +134,14 @@ def estimate_tracks(measured: Measured, config: Config, remarks: Remarks) -> Row
     remarks.count(measured, made.values())
     for name, estimated in made.items():
         remarks.add(outside_calibration(measured, estimated, name))
-    heights = [track_heights(measured, e, name, config.size_prior) for name, e in made.items()]
+    joint = None if measured.ground_plane is None else measured.ground_plane.joint
+    slopes = None if joint is None else log_slopes(geometry, joint)[1]
+    heights = [
+        track_heights(
+            measured, e, name, config.size_prior, slopes if name in (GROUND, FUSED) else None
+        )
+        for name, e in made.items()
+    ]
     if FUSED in made:
         made[FUSED] = smooth_heights(measured, made[FUSED], fused.lasts_s(geometry))
     rows = [estimates_table(measured, e, name) for name, e in made.items()]

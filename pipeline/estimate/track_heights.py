@@ -16,11 +16,13 @@ from pipeline.core.robust import MAD_TO_STD, MEDIAN_EFFICIENCY, noise_part
 from pipeline.core.tables import TRACK_HEIGHTS
 from pipeline.estimate.boxes.error_correlation import independent_share
 from pipeline.estimate.gait import WALKER
+from pipeline.estimate.height_parts import height_parts, slopes_of_tracks, unknown_parts
 from pipeline.estimate.types import Estimated, Measured
 
 # A height this many standard deviations from its class's mean is not that of one such object: of ten
 # thousand adults about five are so tall or so small.
 RULED_OUT = 3.5
+HALF_WIDTH = 1.959963984540054  # of a 95 % interval, in standard deviations
 
 
 def track_heights(
@@ -28,6 +30,7 @@ def track_heights(
     estimated: Estimated,
     method: str,
     priors: Sequence[SizePrior] = (),
+    slopes: FloatArray | None = None,
 ) -> pa.Table:
     """Return the median height of each track and its standard deviation, and its depths.
 
@@ -37,6 +40,13 @@ def track_heights(
     class rules out is marked: the interval speaks of one object, and that is not one.
 
     Of a walking person the frames' heights are already those when standing (`gait.as_standing`).
+
+    Args:
+        measured: the observations.
+        estimated: what a method made of them.
+        method: its name.
+        priors: of the classes that are known.
+        slopes: of heights by the ground over what their camera shares, (n, 10), where that is known.
     """
     frame = pd.DataFrame(
         {
@@ -91,7 +101,19 @@ def track_heights(
         "depth_median_m": depth["median"].to_numpy(),
         "depth_max_m": depth["max"].to_numpy(),
         "observation_count": depth["count"].to_numpy(),
+        "height_low_m": np.maximum(height_m - HALF_WIDTH * height_std_m, 0.0),
+        "height_high_m": height_m + HALF_WIDTH * height_std_m,
     }
+    tracks_in_order = depth.index.to_numpy()
+    joint = measured.ground_plane.joint if measured.ground_plane is not None else None
+    if joint is None or slopes is None:
+        columns |= unknown_parts(len(depth))
+    else:
+        seen = np.isfinite(estimated.height_m) & ~estimated.height_assumed
+        of_tracks = slopes_of_tracks(
+            measured.track_id, np.where(seen[:, None], slopes, np.nan), tracks_in_order
+        )
+        columns |= height_parts(joint, of_tracks, height_m, height_std_m, doubt_m)
     arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in TRACK_HEIGHTS]
     return pa.Table.from_arrays(arrays, schema=TRACK_HEIGHTS)
 

@@ -164,7 +164,7 @@ def set_pose(store: Store, recording_id: str, camera: str, plane: GroundPlane) -
     std = plane.covariance.diagonal() ** 0.5
     store.connection.execute(
         "UPDATE cameras SET camera_height_m = ?, camera_height_std_m = ?, tilt_rad = ?, "
-        "tilt_std_rad = ?, roll_rad = ?, roll_std_rad = ?, pose_source = ? "
+        "tilt_std_rad = ?, roll_rad = ?, roll_std_rad = ?, pose_source = ?, pose_loadings = ? "
         "WHERE recording_id = ? AND camera = ?",
         [
             plane.camera_height_m,
@@ -174,6 +174,7 @@ def set_pose(store: Store, recording_id: str, camera: str, plane: GroundPlane) -
             plane.roll_rad,
             float(std[2]),
             plane.source,
+            None if plane.joint is None else plane.joint.low_rank[:3].ravel().tolist(),
             recording_id,
             camera,
         ],

@@ -134,3 +134,74 @@ END;
 CREATE OR REPLACE MACRO accuracy.if_asked(dimensions, column_name, value) AS CASE
     WHEN list_has_any(dimensions, accuracy.dimensions_of(column_name)) THEN value
 END;
+
+-- A length with its deviation and its 95 % interval.
+CREATE OR REPLACE MACRO stats.with_interval(value_m, variance_m2) AS {
+    'value_m': value_m,
+    'std_m': sqrt(variance_m2),
+    'low_m': value_m - stats.normal_95() * sqrt(variance_m2),
+    'high_m': value_m + stats.normal_95() * sqrt(variance_m2)
+};
+
+-- Variance of the difference of two heights, rows of track_heights or people. What one camera's tracks
+-- share cancels: |a - b|^2 over the loadings, and what is each track's own. Without loadings (a surveyed
+-- pose, or tracks of two recordings) they are taken as independent. The doubt that a track is no one person
+-- is not in it: it is a probability of its own (doubt_share).
+CREATE OR REPLACE MACRO stats.difference_variance(a, b) AS
+    CASE
+        WHEN a.recording_id = b.recording_id AND a.camera = b.camera
+            AND a.common_loadings_m IS NOT NULL AND b.common_loadings_m IS NOT NULL
+        THEN array_distance(a.common_loadings_m, b.common_loadings_m) ** 2
+            + a.own_std_m ** 2 + b.own_std_m ** 2
+        ELSE a.height_std_m ** 2 + b.height_std_m ** 2
+    END;
+
+-- How much taller is one than another? Two rows of people; a struct of value_m, std_m, low_m, high_m.
+CREATE OR REPLACE MACRO height_difference(a, b) AS
+    stats.with_interval(a.height_m - b.height_m, stats.difference_variance(a, b));
+
+-- How likely is one taller than another? Two rows of people.
+CREATE OR REPLACE MACRO taller(a, b) AS
+    stats.normal_cdf((a.height_m - b.height_m) / nullif(sqrt(stats.difference_variance(a, b)), 0));
+
+-- Derivatives of a place (x right, y ahead) on the ground by the camera's tilt and roll, h its height:
+-- from Z = h / (y_f cos t + sin t), x = x_f Z, y = Z (cos t - y_f sin t).
+CREATE OR REPLACE MACRO stats.place_by_tilt(p) AS
+    [-p.x_m * p.y_m / p.camera_height_m, -(p.camera_height_m ** 2 + p.y_m ** 2) / p.camera_height_m];
+CREATE OR REPLACE MACRO stats.place_by_roll(p) AS [
+    -(p.camera_height_m * cos(p.tilt_rad) - p.y_m * sin(p.tilt_rad))
+    - p.x_m ** 2 * cos(p.tilt_rad) / p.camera_height_m,
+    -p.x_m * p.y_m * cos(p.tilt_rad) / p.camera_height_m - p.x_m * sin(p.tilt_rad)
+];
+CREATE OR REPLACE MACRO stats.apart_m(a, b) AS sqrt((a.x_m - b.x_m) ** 2 + (a.y_m - b.y_m) ** 2);
+-- By how much the distance of two places grows with what moves them: along the line between them.
+CREATE OR REPLACE MACRO stats.apart_by(a, b, move_a, move_b) AS
+    ((a.x_m - b.x_m) * (move_a[1] - move_b[1]) + (a.y_m - b.y_m) * (move_a[2] - move_b[2]))
+    / nullif(stats.apart_m(a, b), 0);
+-- The part of a depth's relative variance that is the pose's: d log Z by log h is 1, by tilt -y / h, by
+-- roll -x cos t / h.
+CREATE OR REPLACE MACRO stats.pose_variance(p) AS
+    list_sum(list_transform(range(1, 7), lambda k: (
+        p.pose_loadings[k] - p.y_m / p.camera_height_m * p.pose_loadings[6 + k]
+        - p.x_m * cos(p.tilt_rad) / p.camera_height_m * p.pose_loadings[12 + k]
+    ) ** 2));
+-- What is a place's own moves it along the line of sight by as much as its depth.
+CREATE OR REPLACE MACRO stats.own_apart_variance(a, b, p) AS
+    greatest((p.depth_std_m / p.depth_m) ** 2 - coalesce(stats.pose_variance(p), 0), 0)
+    * (((a.x_m - b.x_m) * p.x_m + (a.y_m - b.y_m) * p.y_m) / nullif(stats.apart_m(a, b), 0)) ** 2;
+-- What both places owe to the same pose: a scale moves them apart by their distance.
+CREATE OR REPLACE MACRO stats.common_apart_variance(a, b) AS
+    coalesce(list_sum(list_transform(range(1, 7), lambda k: (
+        stats.apart_m(a, b) * a.pose_loadings[k]
+        + stats.apart_by(a, b, stats.place_by_tilt(a), stats.place_by_tilt(b))
+            * a.pose_loadings[6 + k]
+        + stats.apart_by(a, b, stats.place_by_roll(a), stats.place_by_roll(b))
+            * a.pose_loadings[12 + k]
+    ) ** 2)), 0);
+
+-- How far apart are two on the ground? Two rows of places of one camera and frame.
+CREATE OR REPLACE MACRO ground_distance(a, b) AS stats.with_interval(
+    stats.apart_m(a, b),
+    stats.common_apart_variance(a, b)
+    + stats.own_apart_variance(a, b, a) + stats.own_apart_variance(a, b, b)
+);

@@ -80,7 +80,8 @@ CREATE TABLE IF NOT EXISTS cameras (
     rectified_fx_px     DOUBLE,
     rectified_fy_px     DOUBLE,
     rectified_cx_px     DOUBLE,
-    rectified_cy_px     DOUBLE
+    rectified_cy_px     DOUBLE,
+    pose_loadings       DOUBLE[]
 );
 COMMENT ON TABLE cameras IS 'One row for each camera of a recording: its lens in pixels and, where known, its pose above the ground.';
 COMMENT ON COLUMN cameras.recording_id IS 'The recording.';
@@ -114,6 +115,7 @@ COMMENT ON COLUMN cameras.recorded_height_m IS 'Height of the camera above the g
 COMMENT ON COLUMN cameras.recorded_tilt_rad IS 'Tilt below the horizon by the transforms in the recording.';
 COMMENT ON COLUMN cameras.recorded_roll_rad IS 'Roll by the transforms in the recording.';
 COMMENT ON COLUMN cameras.recorded_ground_frame IS 'The frame of the transforms whose plane z = 0 was taken for the ground; with recorded_height_m NULL the camera moves by the transforms, and has no one pose.';
+COMMENT ON COLUMN cameras.pose_loadings IS 'Errors of the logarithm of camera_height_m, of tilt_rad and of roll_rad for one standard deviation of each of the six errors of track_heights.common_loadings_m, one after the other: 18 numbers; NULL where the pose is not from walkers.';
 
 CREATE TABLE IF NOT EXISTS frames (
     recording_id          VARCHAR NOT NULL,
@@ -338,7 +340,16 @@ CREATE TABLE IF NOT EXISTS track_heights (
     depth_min_m       DOUBLE,
     depth_median_m    DOUBLE,
     depth_max_m       DOUBLE,
-    observation_count INTEGER NOT NULL
+    observation_count INTEGER NOT NULL,
+    height_low_m      DOUBLE,
+    height_high_m     DOUBLE,
+    own_std_m         DOUBLE,
+    common_loadings_m FLOAT[6],
+    scale_share       FLOAT,
+    camera_share      FLOAT,
+    boxes_share       FLOAT,
+    posture_share     FLOAT,
+    doubt_share       FLOAT
 );
 COMMENT ON TABLE track_heights IS 'One row for each track, method and run: the height of the object over all its frames, and its depths.';
 COMMENT ON COLUMN track_heights.recording_id IS 'The recording.';
@@ -353,6 +364,15 @@ COMMENT ON COLUMN track_heights.height_plausible IS 'FALSE where one object of i
 COMMENT ON COLUMN track_heights.depth_min_m IS 'Nearest depth.';
 COMMENT ON COLUMN track_heights.depth_median_m IS 'Median depth.';
 COMMENT ON COLUMN track_heights.depth_max_m IS 'Farthest depth.';
+COMMENT ON COLUMN track_heights.height_low_m IS 'Lower end of the 95 % interval of the height.';
+COMMENT ON COLUMN track_heights.height_high_m IS 'Upper end of the 95 % interval of the height.';
+COMMENT ON COLUMN track_heights.own_std_m IS 'Standard deviation of the part of the error that no other track of the camera shares, without the doubt that the track is one person; NULL where the pose is not from the walkers of this recording.';
+COMMENT ON COLUMN track_heights.common_loadings_m IS 'Error of the height for one standard deviation of each of six independent errors that all tracks of the camera share; the first is that of the scale. The variance of a difference of two heights is the squared array_distance of these, and both own variances (macro height_difference).';
+COMMENT ON COLUMN track_heights.scale_share IS 'Share of the variance of the height that the mean stature of the people here, or what is known instead, makes.';
+COMMENT ON COLUMN track_heights.camera_share IS 'Share that the rest of the pose and the lens make.';
+COMMENT ON COLUMN track_heights.boxes_share IS 'Share that the ends of the boxes make, in common and by themselves.';
+COMMENT ON COLUMN track_heights.posture_share IS 'Share that gait and feet of this person make.';
+COMMENT ON COLUMN track_heights.doubt_share IS 'Share that the doubt makes that the track is one person.';
 COMMENT ON COLUMN track_heights.observation_count IS 'Number of estimates that were used.';
 
 CREATE TABLE IF NOT EXISTS observation_quality (

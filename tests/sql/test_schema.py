@@ -20,6 +20,8 @@ TYPES = {
     pa.float64(): "DOUBLE",
     pa.bool_(): "BOOLEAN",
     pa.list_(pa.float64()): "DOUBLE[]",
+    pa.float32(): "FLOAT",
+    pa.list_(pa.float32(), 6): "FLOAT[6]",
 }
 
 
