@@ -12,6 +12,7 @@ from pipeline.core import config as configuration
 from pipeline.core.config import Config, TimelineConfig, refuse_impossible_settings
 from pipeline.core.errors import UsageError
 from pipeline.core.progress import Progress, Report, silent
+from pipeline.run.recording_paths import recordings_of
 
 PathLike: TypeAlias = str | os.PathLike[str]
 Camera: TypeAlias = Config | PathLike | None
@@ -25,6 +26,15 @@ def paths_of(given: PathLike | Iterable[PathLike]) -> list[Path]:
     if isinstance(given, str | os.PathLike):
         return [Path(given)]
     return [Path(one) for one in given]
+
+
+def recordings_in(given: PathLike | Iterable[PathLike]) -> list[Path]:
+    """Return the recordings that are named: files, bags, and those in folders or of patterns.
+
+    Raises:
+        UsageError: a folder holds no recording, or a pattern fits nothing.
+    """
+    return recordings_of(paths_of(given))
 
 
 def config_of(camera: Camera) -> Config:

@@ -15,7 +15,7 @@ from stadimeter.arguments import (
     OnProgress,
     PathLike,
     config_of,
-    paths_of,
+    recordings_in,
     report_of,
     with_timelines,
 )
@@ -58,7 +58,7 @@ def measure(
     A recording is stored whole or not at all; measured again, it replaces what was stored of it.
 
     Args:
-        recordings: one MCAP file or several.
+        recordings: MCAP files, bags (folders with a metadata.yaml), folders or patterns of them.
         db: DuckDB file; it is made if it does not exist.
         camera: camera file, or a `Config`; None takes the defaults.
         detector: `auto`, `recorded`, `roi`, `motion` or `onnx`; overrides the camera file.
@@ -92,7 +92,7 @@ def measure(
     config = _with_detector(config_of(camera), detector, model, model_family)
     config = with_timelines(config, preview_px, split_minutes)
     result = run(
-        paths_of(recordings),
+        recordings_in(recordings),
         Path(db),
         config,
         timelines=None if timelines is None else _timelines(Path(timelines)),
@@ -127,7 +127,7 @@ def measure_parts(
     folder, and `merge` makes a database of it.
 
     Args:
-        recordings: one MCAP file or several, under paths that every machine sees.
+        recordings: as in `measure`, under paths that every machine sees.
         parts: folder on storage that all machines share, under the same path on each.
         camera: as in `measure`.
         detector: as in `measure`.
@@ -158,7 +158,7 @@ def measure_parts(
     if address is not None and engine != "ray":
         raise UsageError("an address belongs to the engine ray")
     result = run_shared(
-        paths_of(recordings),
+        recordings_in(recordings),
         Path(parts),
         _with_detector(config_of(camera), detector, model, model_family),
         engine=engine,

@@ -6,12 +6,14 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from pipeline.core.errors import UsageError
 from stadimeter.arguments import (
     Camera,
     OnProgress,
     PathLike,
     config_of,
     paths_of,
+    recordings_in,
     report_of,
     with_timelines,
 )
@@ -91,7 +93,8 @@ def review(
     written to `RECORDING.review.rrd` in the current folder.
 
     Args:
-        recordings: files, file names or ids of recordings in the database.
+        recordings: files, bags, folders or patterns of them, file names, or ids of recordings in the
+            database.
         db: database with their results.
         output: Rerun file to write; None shows it.
         at: moment at which it opens: ISO 8601, seconds from the start, or `#frame`.
@@ -110,7 +113,7 @@ def review(
     from dashboards.review.viewer import no_display, no_viewer
     from pipeline.store.database import Store
 
-    names = [str(path) for path in paths_of(recordings)]
+    names = [str(path) for one in paths_of(recordings) for path in _files_or_name(one)]
     config = with_timelines(config_of(None), preview_px)
     hindrance = ""
     target = None if output is None else Path(output)
@@ -128,3 +131,11 @@ def review(
             open_review(written, say, browser=browser)
     hints = tuple(elsewhere(target)) if target is not None and hindrance else ()
     return Reviewed(target, written.remarks, hindrance, hints)
+
+
+def _files_or_name(given: Path) -> list[Path]:
+    """Return the recordings of a folder or pattern; what is none may be a name in the database."""
+    try:
+        return recordings_in(given)
+    except UsageError:
+        return [given]

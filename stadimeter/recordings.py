@@ -16,7 +16,7 @@ def inspect(recording: PathLike, *, camera: Camera = None, whole: bool = False) 
     """Return the content of a recording, and what is missing or damaged; no picture is decoded.
 
     Args:
-        recording: MCAP file.
+        recording: MCAP file, or a bag (a folder with a metadata.yaml).
         camera: camera file, or a `Config`; None takes the defaults.
         whole: read and check every byte of a large recording too; otherwise its first 256 MiB.
 
@@ -31,6 +31,6 @@ def inspect(recording: PathLike, *, camera: Camera = None, whole: bool = False) 
     from pipeline.ingest.survey import survey
 
     path = Path(recording)
-    if not path.is_file():
+    if not path.exists():
         raise UsageError("there is no such file", where=Where(path))
     return survey(path, config_of(camera), whole=whole)

@@ -154,7 +154,7 @@ def pictures(
     """
     frames = frames_by_time(tables["frames"])
     cameras = {row["topic"]: row["camera"] for row in tables["cameras"].to_pylist()}
-    if not recording["damaged"]:
+    if not recording["damaged"] and file.is_file():  # a bag of several files has an index for each
         with file.open("rb") as stream:
             try:
                 summary = summary_of(stream)

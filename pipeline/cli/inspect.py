@@ -7,9 +7,10 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.cli.console import out, print_rows, safe
-from pipeline.cli.exit_codes import DAMAGED, DONE
+from pipeline.cli.console import err, out, print_rows, safe
+from pipeline.cli.exit_codes import DAMAGED, DONE, FAILED
 from pipeline.cli.options import Commands
+from pipeline.core.errors import StadimeterError
 
 if TYPE_CHECKING:
     from stadimeter import CameraSurvey, Survey
@@ -20,7 +21,13 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser(
         "inspect", help="tell what is in a recording, what is missing, what is damaged"
     )
-    parser.add_argument("recording", type=Path, metavar="RECORDING")
+    parser.add_argument(
+        "recordings",
+        nargs="+",
+        type=Path,
+        metavar="RECORDING",
+        help="files, bags, or folders of them",
+    )
     parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")
     parser.add_argument(
         "--whole", action="store_true", help="read and check every byte of a large recording too"
@@ -31,10 +38,21 @@ def add(commands: Commands) -> None:
 def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     import stadimeter
+    from stadimeter.arguments import recordings_in
 
-    found = stadimeter.inspect(arguments.recording, camera=arguments.camera, whole=arguments.whole)
-    print_survey(found)
-    return DAMAGED if found.notes.lost_data else DONE
+    failed, damaged, paths = False, False, recordings_in(arguments.recordings)
+    for path in paths:
+        try:
+            found = stadimeter.inspect(path, camera=arguments.camera, whole=arguments.whole)
+        except StadimeterError as error:
+            if len(paths) == 1:
+                raise
+            err.print(f"stadimeter: {safe(error)}", soft_wrap=True)
+            failed = True
+            continue
+        print_survey(found)
+        damaged = damaged or found.notes.lost_data
+    return FAILED if failed else DAMAGED if damaged else DONE
 
 
 def print_survey(survey: Survey) -> None:

@@ -22,6 +22,7 @@ from pipeline.core.progress import Progress, Report, silent
 from pipeline.export.annotations import CameraScene
 from pipeline.export.results import FrameResult, frame_results
 from pipeline.ingest.sources import EXPORTED
+from pipeline.mcap_file.bag import open_bytes
 from pipeline.mcap_file.reader import ChannelInfo, McapFile, RawMessage
 from pipeline.mcap_file.writer import CHUNK_BYTES, schema_of
 from pipeline.store.database import Store
@@ -192,7 +193,7 @@ class _Export:
 
     def _attachments(self) -> Iterator[Attachment]:
         """Yield the attachments whose CRC fits, one in memory at a time."""
-        with self.file.path.open("rb") as stream:
+        with open_bytes(self.file.path) as stream:
             for offset, length in self.file.attachments:
                 if length > self.file.limits.record_bytes:
                     raise StadimeterError(

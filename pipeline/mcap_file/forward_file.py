@@ -9,25 +9,24 @@ from pathlib import Path
 from types import TracebackType
 
 from pipeline.core.errors import NotARecording, Where
+from pipeline.mcap_file.bag import open_bytes, size_of
 
 # Small records are cut out of blocks; what is larger than a block is read straight.
 _BLOCK = 1 << 16
 
 
 def regular_size(path: Path) -> int:
-    """Return the size of a regular file in bytes.
+    """Return the size of a regular file, or of the files of a bag, in bytes.
 
     Raises:
-        NotARecording: it is a folder, a pipe or a device, which may have no end.
+        NotARecording: it is a folder that is no bag, a pipe or a device, which may have no end.
         OSError: there is no such file.
     """
     status = path.stat()
     if stat.S_ISREG(status.st_mode):
         return status.st_size
     if stat.S_ISDIR(status.st_mode):
-        raise NotARecording(
-            "a folder is no recording", where=Where(path), remedy="Name the .mcap files in it"
-        )
+        return size_of(path)
     raise NotARecording(
         "a pipe or a device is not read, as it may have no end",
         where=Where(path),
@@ -49,8 +48,8 @@ class ForwardFile:
             OSError: it cannot be opened.
         """
         self.size = regular_size(path)
-        self._stream = path.open("rb", buffering=0)
-        self._aside = path.open("rb")
+        self._stream = open_bytes(path, buffered=False)
+        self._aside = open_bytes(path)
         self._sha256 = hashlib.sha256()
         self._hashed = 0  # bytes of the file that are in the hash
         self._block = b""

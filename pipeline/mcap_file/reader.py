@@ -24,6 +24,7 @@ from pipeline.core.config import Limits
 from pipeline.core.errors import NotARecording, Where
 from pipeline.core.records import Severity
 from pipeline.mcap_file.attachment import checked_attachment
+from pipeline.mcap_file.bag import missing_parts
 from pipeline.mcap_file.channels import ChannelInfo, Topics
 from pipeline.mcap_file.content import Contents, RawMessage
 from pipeline.mcap_file.ends import another_follows, check_counts, check_data_end, is_end
@@ -152,6 +153,9 @@ class McapFile:
                 where=where,
                 remedy=remedy_for(bytes(magic)),
             )
+        for name in missing_parts(self.path):
+            text = f"the file {name} of the bag is not there; its part of the recording is missing"
+            self._losses.tell(Severity.ERROR, "missing_part", text, 0)
         work = Work(self.limits, source.size)
         self._reading = Reading(
             source, self.limits, self._losses, self._topics, work, self.message_counts

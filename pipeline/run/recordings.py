@@ -16,7 +16,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from pipeline.core.progress import Progress, Report, silent
 from pipeline.parallel.processes import WorkerLost, local_engine
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recording import Outcome, Timelines, Work, add_failure, attempt, work_alone
+from pipeline.run.recording_paths import folders_apart
 from pipeline.run.truth import match_again
 from pipeline.store.database import Store
 from pipeline.store.parquet import take_rows
@@ -94,7 +95,8 @@ def run(
         check_folder(timelines.folder, "timelines")
     processes = min(workers, len(paths))
     threads = 1 if processes > 1 else 2
-    last = {path.stem: path for path in paths}  # a timeline has its recording's name
+    # A timeline has its recording's name; those of one name go into folders as their recordings do.
+    shown_in = folders_apart(paths, timelines.folder) if timelines is not None else {}
     with (
         _held(database, result) as store,
         ThreadPoolExecutor(1) as aside,
@@ -109,7 +111,7 @@ def run(
         if processes <= 1:
             aside.submit(empty_database)  # while the first recording is measured
         for n, path in enumerate(paths):
-            shown = timelines if last[path.stem] == path else None
+            shown = timelines and replace(timelines, folder=shown_in[path])
             work = Work(path, config, begun, folder / f"{n:06d}", shown, threads)
             engine.submit(work, work_alone, work)
         taken: dict[str, int] = {}
