@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from pipeline.run.calibration import FittedToTruth, Found
     from pipeline.run.recording import Outcome
     from pipeline.run.recordings import RunResult
+    from pipeline.run.verify import Verified
     from pipeline.truth.stored import AddedTruth
     from stadimeter.arguments import load_config
     from stadimeter.calibration import calibrate
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
         summarize,
     )
     from stadimeter.true_values import truth
+    from stadimeter.verification import verify
 
 _MODULES = {
     "pipeline": ("__version__",),
@@ -113,6 +115,7 @@ _MODULES = {
     "pipeline.run.recording": ("Outcome",),
     "pipeline.run.recordings": ("RunResult",),
     "pipeline.truth.stored": ("AddedTruth",),
+    "pipeline.run.verify": ("Verified",),
     "stadimeter.arguments": ("load_config",),
     "stadimeter.calibration": ("calibrate",),
     "stadimeter.importing": ("ImportedVideo", "import_photos", "import_video"),
@@ -124,6 +127,7 @@ _MODULES = {
         "measure_parts",
     ),
     "stadimeter.outputs": ("Reviewed", "export", "report", "review"),
+    "stadimeter.verification": ("verify",),
     "stadimeter.recordings": ("inspect",),
     "stadimeter.results": ("Relation", "Results", "merge", "open"),
     "stadimeter.true_values": ("truth",),
@@ -188,6 +192,7 @@ __all__ = [
     "UnsupportedChannel",
     "UnusableModel",
     "UsageError",
+    "Verified",
     "Where",
     "__version__",
     "calibrate",
@@ -205,6 +210,7 @@ __all__ = [
     "review",
     "summarize",
     "truth",
+    "verify",
 ]
 
 if not TYPE_CHECKING:  # a type checker reads the imports above, and so knows what is not there

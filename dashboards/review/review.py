@@ -34,6 +34,8 @@ from pipeline.store.recordings import list_recordings
 AROUND_TRACK_S = 2.0
 AROUND_MOMENT_S = 150.0
 READING_S = 20.0  # that long the viewer may take to have read up to the moment
+# The viewer's server knows no passwords (Rerun 0.41); it listens on the loopback only.
+REACHED_BY = "Ctrl-C ends the viewer; no other machine reaches it, but every user of this one can"
 RERUN = "rerun-sdk==0.41.*"
 
 
@@ -256,7 +258,7 @@ def open_review(
             say(f"          from another machine first: ssh {tunnels} HOST")
         else:
             go_to_moment(running.client(), written)
-        say("          Ctrl-C ends the viewer, which only this machine can reach")
+        say(f"          {REACHED_BY}")
         with suppress(KeyboardInterrupt):
             if running.process.wait() > 0:
                 running.client()  # raises, and says why it ended

@@ -20,6 +20,7 @@ from pipeline.cli import (
     review,
     run,
     truth,
+    verify,
 )
 from pipeline.cli.console import err, safe, stdout_is_closed
 from pipeline.cli.exit_codes import DONE, FAILED, INTERRUPTED, USAGE
@@ -38,6 +39,7 @@ COMMANDS = (
     report,
     export,
     review,
+    verify,
     demo,
 )
 

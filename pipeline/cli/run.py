@@ -148,12 +148,19 @@ def summary_of(result: RunResult, database: Path) -> RunSummary:
         return stadimeter.summarize(results, result.run_id, ids)
 
 
+SHOWN_DIGITS = 16  # of the hash of a recording's tables; `recordings` has all of them
+
+
 def print_run(result: RunResult, database: Path, summary: RunSummary) -> None:
     """Print what came out of a run, what of it is in doubt or lost, and where the results are."""
     print_summary(summary, database)
     _print_failures(result)
     if result.stored:
         out.print(f"database  {safe(database)}", soft_wrap=True)
+    for outcome in result.stored:
+        if outcome.tables_sha256:
+            digest = outcome.tables_sha256[:SHOWN_DIGITS]
+            out.print(f"tables    {digest}  {safe(outcome.path.name)}", soft_wrap=True)
     for outcome in result.outcomes:
         for timeline in outcome.timelines:
             out.print(f"timeline  {safe(timeline)}", soft_wrap=True)

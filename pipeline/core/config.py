@@ -63,6 +63,7 @@ class Limits:
     cameras: int = 64  # topics with pictures; each has a detector, with a background of its own
     sources: int = 1024  # topics and frame_ids that bring exposure, calibration, truth, boxes
     objects: int = 10_000  # boxes or true objects in one message
+    tracked_objects: int = 1000  # in one picture; to follow n of them takes n x n numbers
     waiting_bytes: int = 256 * 1024**2  # pictures that wait, encoded, for what belongs to them
     waiting_values: int = 100_000  # of one source, that wait for a picture
     image_pixels: int = 100_000_000  # one picture; the largest sensors of today
@@ -373,7 +374,7 @@ def read_config(path: Path) -> Config:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UsageError(f"not valid TOML: {error}", where=Where(path)) from error
     try:
-        config: Config = _build(Config, tree, "")
+        config: Config = build(Config, tree, "")
     except ValueError as error:
         raise UsageError(
             str(error), where=Where(path), remedy="The README lists the keys of camera.toml"
@@ -384,7 +385,7 @@ def read_config(path: Path) -> Config:
     return config
 
 
-def _build(kind: Any, value: Any, place: str) -> Any:
+def build(kind: Any, value: Any, place: str) -> Any:
     """Return `value` as a `kind`, checked all the way down; errors name the key."""
     origin = typing.get_origin(kind)
     if is_dataclass(kind):
@@ -393,9 +394,9 @@ def _build(kind: Any, value: Any, place: str) -> Any:
         if not isinstance(value, list):
             raise ValueError(f"{place} must be an array")
         item = typing.get_args(kind)[0]
-        return tuple(_build(item, v, f"{place}[{i}]") for i, v in enumerate(value))
+        return tuple(build(item, v, f"{place}[{i}]") for i, v in enumerate(value))
     if origin is types.UnionType:
-        return _build(typing.get_args(kind)[0], value, place)
+        return build(typing.get_args(kind)[0], value, place)
     if isinstance(kind, type) and issubclass(kind, StrEnum):
         if value not in list(kind):
             raise ValueError(f"{place} must be one of {', '.join(kind)}, not {value!r}")
@@ -423,4 +424,4 @@ def _build_dataclass(kind: Any, value: Any, place: str) -> Any:
     for name, f in known.items():
         if name not in value and f.default is MISSING and f.default_factory is MISSING:
             raise ValueError(f"{prefix}{name} is missing")
-    return kind(**{key: _build(hints[key], v, prefix + key) for key, v in value.items()})
+    return kind(**{key: build(hints[key], v, prefix + key) for key, v in value.items()})

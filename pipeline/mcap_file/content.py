@@ -34,7 +34,7 @@ from pipeline.mcap_file.search import RecordSearch
 # A chunk of a few kilobytes can hold millions of empty records; not each of them is told.
 _BAD_RECORDS = 1000
 _CHUNK_HEAD_BYTES = 28  # times, size and CRC
-_LOG_TIME = struct.Struct("<Q")
+_MESSAGE_TIMES = struct.Struct("<BQHIQ")  # opcode, length, channel id, sequence, log time
 # First bytes of JPEG, PNG and WebP, which stand after a time, a name and a format.
 _PICTURE_HEADS = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"WEBPVP8")
 _PICTURE_REACH = 512
@@ -92,7 +92,7 @@ class Contents:
         messages = self.records(
             memoryview(data), offset, span_ns, proven=bool(chunk.uncompressed_crc)
         )
-        if self.in_log_order and not _is_in_order(data):
+        if self.in_log_order and not _is_in_order(data, reading.work.records_left):
             yield from sorted(messages, key=_log_time)
         else:
             yield from messages
@@ -261,8 +261,11 @@ class Contents:
 
     def _small_record(
         self, opcode: int, body: memoryview, offset: int, *, proven: bool
-    ) -> Malformed | None:
-        """Take a record of a chunk that is no whole message; return what is wrong with it."""
+    ) -> str | None:
+        """Take a record of a chunk that is no whole message; return what is wrong with it.
+
+        As text: an exception that is kept would hold the chunk in memory by its frames.
+        """
         try:
             if opcode == Opcode.SCHEMA:
                 self._topics.add_schema(bytes(body), proven=proven)
@@ -271,7 +274,7 @@ class Contents:
             elif opcode == Opcode.MESSAGE:
                 raise Malformed(f"a message of {len(body)} bytes")
         except Malformed as error:
-            return error
+            return str(error)
         return None
 
     def _lose_unknown(self, channel_id: int, content: bytes, offset: int) -> None:
@@ -304,18 +307,20 @@ def _log_time(message: RawMessage) -> int:
     return message.log_time_ns
 
 
-def _is_in_order(data: bytes | memoryview) -> bool:
-    """Return whether no message of a chunk is older than one before it."""
-    newest, position, size, head = 0, 0, len(data), MESSAGE_HEAD.size
-    while position + FRAMING.size + head <= size:
-        opcode, length = FRAMING.unpack_from(data, position)
-        position += FRAMING.size
+def _is_in_order(data: bytes | memoryview, most: int) -> bool:
+    """Return whether no message of a chunk is older than one before it, among its first records."""
+    newest, position, last = 0, 0, len(data) - _MESSAGE_TIMES.size
+    unpack = _MESSAGE_TIMES.unpack_from
+    while position <= last and most > 0:
+        opcode, length, _, _, time_ns = unpack(data, position)
         if opcode == Opcode.MESSAGE:
-            time_ns = _LOG_TIME.unpack_from(data, position + 6)[0]
             if time_ns < newest:
                 return False
             newest = time_ns
-        position += length
+        elif opcode == 0:
+            return True  # no record
+        position += FRAMING.size + length
+        most -= 1
     return True
 
 

@@ -112,7 +112,7 @@ class Losses:
             self.newest_ns if time_ns is None else time_ns,
         )
 
-    def damaged_record(self, opcode: int, offset: int, error: Exception) -> None:
+    def damaged_record(self, opcode: int, offset: int, error: Exception | str) -> None:
         """Note that one record was left out."""
         text = f"a {record_name(opcode)} record was left out: {error}"
         self.damage("damaged_record", text, offset, self.newest_ns)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import Config
@@ -123,7 +125,7 @@ class CameraStage:
         with times.stage("detect"):
             self.backdrop.add(picture)
             expected = self.tracker.expected(frame.capture_time_ns)
-            boxes = self.detector.detect(frame, picture, expected)
+            boxes = self._bounded(frame, self.detector.detect(frame, picture, expected))
         with times.stage("track"):
             ids = self.tracker.update(frame.capture_time_ns, frame.frame_index, boxes)
         with times.stage("measure"):
@@ -144,6 +146,16 @@ class CameraStage:
             return None
         self._coloured_ns = frame.capture_time_ns
         return colours_of(picture, boxes.bbox_xyxy_px)
+
+    def _bounded(self, frame: Frame, boxes: Boxes) -> Boxes:
+        """Return no more boxes than may be followed, those of the best scores, and say so."""
+        limit = self._config.limits.tracked_objects
+        if len(boxes) <= limit:
+            return boxes
+        text = f"more than {limit:,} boxes in a picture (limits.tracked_objects); the others are left out"
+        self._note(frame, "too_many_objects", text)
+        best = np.argsort(-np.nan_to_num(boxes.score), kind="stable")[:limit]
+        return boxes.take(np.sort(best))
 
     def _without_boxes_outside(self, item: Decoded) -> Decoded:
         """Leave out recorded boxes that lie outside of their picture, and say so."""

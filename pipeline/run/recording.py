@@ -26,6 +26,7 @@ from pipeline.run.pass_one import measure_recording
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.refined_tracks import refine_tracks
 from pipeline.store.database import Store
+from pipeline.store.fingerprint import keep_tables_sha256, stored_tables_sha256
 from pipeline.store.parquet import write_rows
 from pipeline.store.recordings import RecordingRow, add_diagnostics, replace_recording
 from pipeline.store.scratch import Begun, own_store
@@ -67,6 +68,7 @@ class Outcome:
     error: StadimeterError | None = None
     times: StageTimes = field(default_factory=StageTimes)
     files: dict[str, Path] = field(default_factory=dict)  # of rows, by table
+    tables_sha256: str | None = None  # of those rows
 
 
 def attempt(
@@ -119,6 +121,7 @@ def _measured_and_estimated(work: Work, outcome: Outcome) -> None:
     ) as store:
         with outcome.times.stage("store"):
             files = write_rows(store, work.folder, "lz4")
+            outcome.tables_sha256 = stored_tables_sha256(store, row.recording_id)
         outcome.recording = row
         outcome.files = {
             t: f for t, f in files.items() if t != "runs" and pq.read_metadata(f).num_rows
@@ -159,6 +162,8 @@ def stored_alone(
             with times.stage("estimate"):
                 estimate_recording(store, recording_id, begun.run_id, row.path.name, config)
                 judge_tracking(store, recording_id)
+            with times.stage("store"):
+                keep_tables_sha256(store, recording_id, begun.run_id)
         yield store
 
 

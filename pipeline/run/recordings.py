@@ -30,10 +30,17 @@ from pipeline.parallel.processes import WorkerLost, local_engine
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recording import Outcome, Timelines, Work, add_failure, attempt, work_alone
 from pipeline.run.recording_paths import folders_apart
+from pipeline.run.same_evidence import overlaps, same_as_stored
 from pipeline.run.truth import match_again
 from pipeline.store.database import Store
 from pipeline.store.parquet import take_rows
-from pipeline.store.recordings import has_truth_of_files, list_recordings, refuse_collision
+from pipeline.store.recordings import (
+    add_diagnostics,
+    forget,
+    has_truth_of_files,
+    list_recordings,
+    refuse_collision,
+)
 from pipeline.store.runs import finish_run, new_run_id, start_run
 from pipeline.store.scratch import Begun, empty_database
 
@@ -124,8 +131,9 @@ def run(
             if outcome.recording is not None:
                 report(Progress(work.path.name, "done", outcome.recording.frame_count, 1.0))
         prepared.result()
+        result.outcomes.sort(key=lambda outcome: paths.index(outcome.path))
+        _tell_overlaps(store, result)
         finish_run(store, begun.run_id)
-    result.outcomes.sort(key=lambda outcome: paths.index(outcome.path))
     return result
 
 
@@ -187,16 +195,39 @@ def _take(store: Store, outcome: Outcome, run_id: str, taken: dict[str, int], pl
     if row is not None and place > taken.get(row.recording_id, -1):
         try:
             refuse_collision(store, row)
+            same = same_as_stored(store, row)
+            if same.whole:
+                raise RowsRefused(
+                    f"is only the beginning of {same.whole}, which is stored whole",
+                    where=Where(outcome.path),
+                )
             with outcome.times.stage("store"), store.transaction():
+                for replaced in same.replaced:
+                    forget(store, replaced)
                 take_rows(store, row.recording_id, outcome.files)
                 if has_truth_of_files(store, row.recording_id):
                     match_again(store, row.recording_id)
+                if same.notes:
+                    add_diagnostics(store, same.notes, row.recording_id, run_id, row.path.name)
             taken[row.recording_id] = place
         except RowsRefused as error:
             outcome.recording, outcome.error = None, error
     if outcome.error is not None:
         stored = outcome.recording.recording_id if outcome.recording is not None else None
         add_failure(store, outcome.path, outcome.error, run_id, stored)
+
+
+def _tell_overlaps(store: Store, result: RunResult) -> None:
+    """Note which recordings hold the same frames as one that was given or stored before them.
+
+    In the order given, at the end: whichever was finished first makes no difference.
+    """
+    rows = [o.recording for o in result.outcomes if o.recording is not None]
+    for place, row in enumerate(rows):
+        notes = overlaps(store, row.recording_id, {r.recording_id for r in rows[place + 1 :]})
+        if notes:
+            with store.transaction():
+                add_diagnostics(store, notes, row.recording_id, result.run_id, row.path.name)
 
 
 @contextmanager

@@ -47,6 +47,9 @@ class Tracker:
         self._filters = Filters()
         self._active: list[_Life] = []
         self._lives: list[_Life] = []
+        self._away: dict[
+            str, _Life
+        ] = {}  # retired, by the recording's own id, which may come again
         self._time_ns: int | None = None
 
     def expected(self, capture_time_ns: int) -> Expected:
@@ -169,9 +172,14 @@ class Tracker:
         if len(new):
             self._filters.begin(measured[:, new])
         for box in new:
+            object_id = boxes.object_id[box]
+            life = self._away.pop(object_id, None) if object_id is not None else None
+            if life is not None:
+                self._active.append(life)
+                continue
             life = _Life(
                 len(self._lives),
-                boxes.object_id[box],
+                object_id,
                 time_ns,
                 time_ns,
                 frame_index,
@@ -188,11 +196,13 @@ class Tracker:
         keep = [
             (time_ns - life.last_time_ns) / 1e9
             <= (config.coast_s if life.count >= config.min_count else config.coast_new_s)
-            or life.object_id is not None
             for life in self._active
         ]
         if all(keep):
             return
+        for life, kept in zip(self._active, keep, strict=True):
+            if not kept and life.object_id is not None:
+                self._away[life.object_id] = life
         self._filters.keep(np.array(keep))
         self._active = [life for life, kept in zip(self._active, keep, strict=True) if kept]
 

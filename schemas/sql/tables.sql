@@ -34,7 +34,8 @@ CREATE TABLE IF NOT EXISTS recordings (
     frame_count    INTEGER NOT NULL,
     frames_lost    INTEGER NOT NULL,
     damaged        BOOLEAN NOT NULL,
-    run_id         VARCHAR NOT NULL
+    run_id         VARCHAR NOT NULL,
+    tables_sha256  VARCHAR
 );
 COMMENT ON TABLE recordings IS 'One row for each recording, keyed by its content: the same bytes under another name are the same recording.';
 COMMENT ON COLUMN recordings.recording_id IS 'First 16 hexadecimal digits of content_sha256.';
@@ -48,6 +49,7 @@ COMMENT ON COLUMN recordings.frame_count IS 'Frames read, all cameras.';
 COMMENT ON COLUMN recordings.frames_lost IS 'Frames known to be in the file that could not be decoded.';
 COMMENT ON COLUMN recordings.damaged IS 'TRUE if any part of the file could not be read; see diagnostics.';
 COMMENT ON COLUMN recordings.run_id IS 'The run that last read the pixels.';
+COMMENT ON COLUMN recordings.tables_sha256 IS 'Hash of all rows of the recording as that run stored them, without names of files and runs: equal for the same bytes, version and settings. NULL: not known, or rows were taken away since.';
 
 CREATE TABLE IF NOT EXISTS cameras (
     recording_id        VARCHAR NOT NULL,

@@ -138,3 +138,30 @@ def test_who_has_come_from_elsewhere_has_walked() -> None:
             i * FRAME_NS, i, boxes([(100 + 4.0 * i, 300.0, 100.0), (400.0, 200.0, 50.0)])
         )
     assert tracker.expected(60 * FRAME_NS).walked.tolist() == [True, False]
+
+
+def test_a_gate_keeps_a_box_apart_that_no_person_can_reach() -> None:
+    # A person of 100 px who stands; then one box 90 px away, 40 ms later: 40 m/s, and no other box.
+    still = (300.0, 400.0, 100.0)
+    first: list[tuple[float, float, float] | None] = [still] * 20 + [None] * 5
+    other: list[tuple[float, float, float] | None] = [None] * 20 + [(390.0, 400.0, 100.0)] * 5
+    found = follow([first, other])
+    assert {row[0] for row in found[:20]} == {0}
+    assert {row[1] for row in found[20:]} == {1}
+    # Within what a person can do, it is the same one.
+    near: list[tuple[float, float, float] | None] = [None] * 20 + [(304.0, 400.0, 100.0)] * 5
+    assert {row[1] for row in follow([first, near])[20:]} == {0}
+
+
+def test_recorded_ids_that_went_cost_nothing_and_come_again_as_they_were() -> None:
+    tracker = Tracker(TrackConfig(), "cam")
+    for index in range(3000):
+        tracker.update(index * FRAME_NS, index, boxes([(100.0, 200.0, 80.0)], (f"id{index}",)))
+        assert len(tracker._active) < 100
+    tracks = tracker.tracks()
+    assert tracks.num_rows == 3000
+    ids = tracker.update(3000 * FRAME_NS, 3000, boxes([(500.0, 300.0, 90.0)], ("id7",)))
+    assert ids.tolist() == [7]
+    rows = tracker.tracks().to_pylist()
+    assert len(rows) == 3000
+    assert (rows[7]["first_frame_index"], rows[7]["last_frame_index"]) == (7, 3000)
