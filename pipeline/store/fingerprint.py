@@ -34,8 +34,8 @@ def tables_sha256(store: Store, recording_id: str, run_id: str) -> str:
                 sum(('0x' || digest[17:])::UBIGINT::HUGEINT) FROM texts
             """,
             [recording_id, run_id] if of_run else [recording_id],
-        ).fetchone()
-        lines.append(f"{table} {found}")
+        ).fetchall()
+        lines.append(f"{table} {found[0]}")
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
@@ -52,5 +52,5 @@ def stored_tables_sha256(store: Store, recording_id: str) -> str | None:
     """Return the hash that is kept with a recording; None if there is none."""
     found = store.connection.execute(
         "SELECT tables_sha256 FROM recordings WHERE recording_id = ?", [recording_id]
-    ).fetchone()
-    return None if found is None else found[0]
+    ).fetchall()
+    return found[0][0] if found else None

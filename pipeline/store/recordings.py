@@ -120,8 +120,8 @@ def has_truth_of_files(store: Store, recording_id: str) -> bool:
     """Return true if truth of a recording was read from a file."""
     found = store.connection.execute(
         "SELECT 1 FROM labelled_frames WHERE recording_id = ? LIMIT 1", [recording_id]
-    ).fetchone()
-    return found is not None
+    ).fetchall()
+    return bool(found)
 
 
 def refuse_collision(store: Store, recording: RecordingRow) -> None:
