@@ -17,12 +17,15 @@ from pipeline.messages.registry import (
     decoder_of,
     is_unread,
     may_be_json_exposure,
+    normalised,
     reader_of,
 )
-from pipeline.messages.tree import UndecodableMessage
+from pipeline.messages.tree import Tree, UndecodableMessage, text
 
 # What `stadimeter export` marks its own channels with: they are results, not evidence.
 EXPORTED = ("written_by", "stadimeter export")
+
+_TEXT = "std_msgs/String"  # programs put JSON into it
 
 Tell = Callable[[str, str, RawMessage], None]  # code, sentence, message
 
@@ -67,7 +70,10 @@ class Channels:
         try:
             decoder = decoder_of(channel, self._limits.record_bytes)
             if decoder is None and may_be_json_exposure(channel):
-                decoder = _exposure_by_content(raw.data)
+                decoder = _exposure_by_content(raw.data, json_text.read)
+            if decoder is None and normalised(channel.schema_name) == _TEXT:
+                reader = reader_of(channel, self._limits.record_bytes)
+                decoder = _exposure_by_content(raw.data, _inner(reader)) if reader else None
         except UndecodableMessage as error:
             self._tell("unsupported_channel", f"the channel is not read: {error}", raw)
             return UNREAD
@@ -97,12 +103,21 @@ class Channels:
         return reader, named if reader else ()
 
 
-def _exposure_by_content(data: bytes) -> Decoder | None:
-    """Return the decoder of exposures if a JSON message without a schema is one."""
+def _exposure_by_content(data: bytes, read: Reader) -> Decoder | None:
+    """Return the decoder of exposures if a JSON message that nothing declares is one."""
     try:
-        tree = json_text.read(data)
+        tree = read(data)
     except UndecodableMessage:
         return None
     if not names_exposure(tree):
         return None
-    return Decoder(Kind.EXPOSURE, json_text.read, camera_exposure)
+    return Decoder(Kind.EXPOSURE, read, camera_exposure)
+
+
+def _inner(reader: Reader) -> Reader:
+    """Return the reader of the JSON that the field `data` of a text message holds."""
+
+    def read(data: bytes) -> Tree:
+        return json_text.read(text(reader(data), "data").encode("utf-8", "surrogatepass"))
+
+    return read

@@ -3,10 +3,14 @@
 "/diag.fnum"                         the field `fnum` of the messages on /diag
 "/camera/state.lens.focus cm"        nested, in centimetres
 "/diagnostics.status[0].values[2].value us"
+"/diagnostics.status[0].values.exposure_time us"                     by its key
+/diagnostics.status["cam: driver"].values["Exposure (us)"] us        by names with blanks
+"/meta.data.lens.fnumber"            in JSON that the text `data` holds
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,8 +24,11 @@ from pipeline.core.errors import UsageError
 from pipeline.core.exposure import FIELDS
 from pipeline.messages.tree import Tree, as_number
 
-_SPEC = re.compile(r"^(?P<path>\S+?)(?:\s+(?P<unit>\S+))?$")
-_STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d{1,6})\]")
+_SPEC = re.compile(r'^(?P<path>(?:"[^"]*"|\S)+?)(?:\s+(?P<unit>\S+))?$')
+_STEP = re.compile(r'\.?([A-Za-z_]\w*)|\[(\d{1,6})\]|\["([^"]*)"\]')
+# Names under which lists of pairs hold their keys: diagnostic_msgs/KeyValue, DiagnosticStatus, others.
+_KEYS = ("key", "name", "id")
+_MOST_PAIRS = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +95,32 @@ def _at(tree: Tree, path: str) -> float:
         if step is None:
             return NAN
         position = step.end()
-        if step[1]:
-            value = value.get(step[1]) if isinstance(value, Mapping) else None
-        else:
+        if isinstance(value, str):
+            value = _json_in(value)
+        if step[2]:
             indexed = isinstance(value, list | tuple | bytes | np.ndarray)
             index = int(step[2])
             value = value[index] if indexed and index < len(value) else None
+        else:
+            value = _named(value, step[1] or step[3])
     return as_number(value)
+
+
+def _named(value: Any, name: str) -> Any:
+    """Return the field of a message, or the value of a key in a list of pairs."""
+    if isinstance(value, Mapping):
+        return value.get(name)
+    if not isinstance(value, list | tuple):
+        return None
+    for pair in value[:_MOST_PAIRS]:
+        if isinstance(pair, Mapping) and any(pair.get(key) == name for key in _KEYS):
+            return pair.get("value", pair)
+    return None
+
+
+def _json_in(text: str) -> Any:
+    """Return what a text holds as JSON; None where it is none."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
