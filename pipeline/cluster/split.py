@@ -24,7 +24,7 @@ from mcap.summary import Summary
 from pipeline.core.config import Config, Limits
 from pipeline.core.diagnostics import Notes
 from pipeline.core.errors import DamagedRecording, Where
-from pipeline.ingest.logged_behind import topics_logged_behind
+from pipeline.ingest.logged_behind import order_of
 from pipeline.mcap_file.reader import ChannelInfo, McapFile, Note, RawMessage
 from pipeline.messages.content import Kind
 from pipeline.messages.registry import kind_of
@@ -74,7 +74,8 @@ def plan_windows(path: Path, config: Config, window_s: float) -> Plan | None:
         return None
     if not _is_in_order(summary, round(config.ingest.reorder_s * 1e9)):
         return None
-    if topics_logged_behind(path, config.limits, look_again=False):
+    order = order_of(path, config.limits, look_again=False)
+    if order.behind or order.as_in_file:
         return None
     start_ns = min(c.message_start_time for c in summary.chunk_indexes)
     end_ns = max(c.message_end_time for c in summary.chunk_indexes)

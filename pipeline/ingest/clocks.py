@@ -129,7 +129,8 @@ class CameraClock:
             return moment.log_ns + usual_ns
         own_ns = moment.stamp_ns * factor - moment.log_ns
         alike = sum(abs(d - usual_ns) <= CLOCK_STEP_NS for d in delays)
-        if abs(own_ns - usual_ns) > CLOCK_STEP_NS and alike >= 3 and alike > len(delays) / 2:
+        is_off = abs(own_ns - usual_ns) > CLOCK_STEP_NS and alike >= 3 and alike > len(delays) / 2
+        if is_off and not self._follows(moment, around):
             self._tell(
                 "time_outlier",
                 f"the stamp of a picture is {(own_ns - usual_ns) / 1e9:+,.1f} s off those of the "
@@ -139,6 +140,14 @@ class CameraClock:
         if factor == 1:
             self.delays.add(own_ns)
         return moment.stamp_ns * factor
+
+    def _follows(self, moment: Moment, around: list[Moment]) -> bool:
+        """Return whether a stamp goes on from the one before it: then the log's clock was set."""
+        at = around.index(moment)
+        before = around[at - 1].stamp_ns if at else None
+        if before is None or moment.stamp_ns is None:
+            return False
+        return 0 < moment.stamp_ns - before <= max(CLOCK_STEP_NS, 5 * self.interval_ns)
 
     def _factor(self, stamped: list[Moment]) -> int | None:
         """Return by what stamps must be multiplied to be nanoseconds; None: they are no times."""
@@ -186,6 +195,13 @@ class CameraClock:
         """Return a picture's time as it goes on from the last one, if its clock was set."""
         step_ns = time_ns + self._shift_ns - last_ns
         log_step_ns = moment.log_ns - last_log_ns
+        if log_step_ns < 0 and step_ns < -CLOCK_STEP_NS // 2:
+            self._shift_ns += max(self.interval_ns, 1) - step_ns
+            text = (
+                f"all clocks were set back by {-log_step_ns / 1e9:,.1f} s; times from here on go on"
+            )
+            self._tell("clock_step", text)
+            return time_ns + self._shift_ns
         if abs(step_ns - log_step_ns) <= CLOCK_STEP_NS or log_step_ns <= 0:
             return time_ns + self._shift_ns
         longest_ns = max(CLOCK_STEP_NS, 5 * self.interval_ns)

@@ -22,7 +22,12 @@ from pipeline.ingest.access_units import Times
 from pipeline.ingest.clocks import CameraClock
 from pipeline.ingest.lanes import Lanes
 from pipeline.ingest.lens_readings import NO_LENS, Found, LensReadings
-from pipeline.ingest.logged_behind import messages_of, topics_logged_behind
+from pipeline.ingest.logged_behind import (
+    messages_behind,
+    messages_in_order,
+    order_notes,
+    order_of,
+)
 from pipeline.ingest.named_exposure import NamedExposure, filled
 from pipeline.ingest.pairing import Paired
 from pipeline.ingest.pairing_notes import TAKEN, pairing_notes
@@ -101,10 +106,7 @@ class FrameAssembler:
         return self._images_refused + lost
 
     def __iter__(self) -> Generator[Frame, None, None]:
-        behind = self._take_logged_behind()
-        for raw in self.file.messages_by_log_time(self._look_ahead_ns):
-            if raw.channel.topic in behind:
-                continue
+        for raw in self._messages():
             source = self._channels.source(raw)
             if source.decoder is not None or source.named:
                 self._take(source, raw)
@@ -115,20 +117,19 @@ class FrameAssembler:
         for note in pairing_notes(self._lanes, self._partners.ways, self.cameras):
             self._notes.add(note)
 
-    def _take_logged_behind(self) -> set[str]:
-        """Take the values that come long after their pictures before these; return their topics."""
+    def _messages(self) -> Iterator[RawMessage]:
+        """Yield the messages in order, but those that were taken before all others."""
         if type(self.file) is not McapFile:  # a part of a recording that is in order
-            return set()
-        path = self.file.path
-        topics = topics_logged_behind(path, self._limits, look_again=self._decode_video)
-        for topic in sorted(topics):
-            text = "its messages are logged long after the pictures; they were read before these"
-            self._notes.add(Diagnostic(Severity.INFO, "logged_behind", text, topic=topic))
-        for raw in messages_of(path, self._limits, topics) if topics else ():
+            yield from self.file.messages_by_log_time(self._look_ahead_ns)
+            return
+        order = order_of(self.file.path, self._limits, look_again=self._decode_video)
+        for note in order_notes(order):
+            self._notes.add(note)
+        for raw in messages_behind(self.file.path, self._limits, order):
             source = self._channels.source(raw)
             if source.decoder is not None or source.named:
                 self._take(source, raw)
-        return topics
+        yield from messages_in_order(self.file, order, self._look_ahead_ns)
 
     def _take(self, source: Source, raw: RawMessage) -> None:
         kind = source.decoder.kind if source.decoder else Kind.EXPOSURE

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from pipeline.core.config import Limits
+from pipeline.core.records import Diagnostic, Severity
 from pipeline.ingest.waiting import LONGEST_NS
 from pipeline.mcap_file.channels import ChannelInfo
 from pipeline.mcap_file.forward_file import ForwardFile
@@ -31,8 +33,15 @@ PICTURES = (Kind.IMAGE, Kind.VIDEO)
 _OF_A_MOMENT = (Kind.DETECTIONS, Kind.TRUTH, Kind.EXPOSURE)
 
 
-def topics_logged_behind(path: Path, limits: Limits, *, look_again: bool) -> set[str]:
-    """Return the topics whose messages are logged too long after the pictures to be waited for.
+class Order(NamedTuple):
+    """Order in which a recording is to be read."""
+
+    behind: frozenset[str]  # topics whose messages are logged too long after the pictures
+    as_in_file: bool  # the recorder's clock was set back, so that log times came twice
+
+
+def order_of(path: Path, limits: Limits, *, look_again: bool) -> Order:
+    """Return how a recording is to be read, so that what belongs together comes together.
 
     Args:
         path: the recording.
@@ -44,46 +53,101 @@ def topics_logged_behind(path: Path, limits: Limits, *, look_again: bool) -> set
         spans = spans_by_messages(path, limits) if look_again else []
     pictures = [span for info, span in spans if kind_of(info) in PICTURES]
     if not pictures:
-        return set()
+        return Order(frozenset(), False)
     first_ns = min(span.first_ns for span in pictures)
     median_ns = max(span.median_ns for span in pictures)
-    return {
+    behind = {
         info.topic
         for info, span in spans
         if kind_of(info) in _OF_A_MOMENT
         and span.first_ns > first_ns + LONGEST_NS
         and span.median_ns > median_ns + LONGEST_NS
     }
+    return Order(frozenset(behind), any(span.set_back for span in pictures))
 
 
-def messages_of(path: Path, limits: Limits, topics: set[str]) -> Iterator[RawMessage]:
-    """Yield the messages of topics; what is damaged is told by who reads the rest."""
-    for raw in McapFile(path, limits, lambda _: None).messages():
-        if raw.channel.topic in topics:
+def order_notes(order: Order) -> Iterator[Diagnostic]:
+    """Yield what is to be told of the order in which a recording is read."""
+    for topic in sorted(order.behind):
+        text = "its messages are logged long after the pictures; they were read before these"
+        yield Diagnostic(Severity.INFO, "logged_behind", text, topic=topic)
+    if order.as_in_file:
+        text = (
+            "log times come twice: the recorder's clock was set back; messages were used in their "
+        )
+        yield Diagnostic(Severity.WARNING, "clock_step", text + "order in the file")
+
+
+def messages_behind(path: Path, limits: Limits, order: Order) -> Iterator[RawMessage]:
+    """Yield the messages that are read first; what is damaged is told by who reads the rest."""
+    if order.behind:
+        for raw in McapFile(path, limits, lambda _: None).messages():
+            if raw.channel.topic in order.behind:
+                yield raw
+
+
+def messages_in_order(file: McapFile, order: Order, tolerance_ns: int) -> Iterator[RawMessage]:
+    """Yield all other messages: by log time, or as they stand where log times come twice."""
+    in_file = order.as_in_file
+    for raw in file.messages() if in_file else file.messages_by_log_time(tolerance_ns):
+        if raw.channel.topic not in order.behind:
             yield raw
 
 
+# A clock that was set back by less is taken for messages that are late.
+_STEP_NS = 250_000_000
+_MOST_RUNS, _FEWEST = 8, 3
 _INDEX_HEAD = 6  # channel id and length of the array
 _MOST = 100_000  # times of one channel that are kept; then every second one
 
 
 class Span(NamedTuple):
-    """Log times of the messages of a channel: of the earliest, and their median."""
+    """Log times of the messages of a channel: of the earliest, their median, and if they came twice."""
 
     first_ns: int
     median_ns: int
+    set_back: bool
+
+
+class _Runs:
+    """Stretches of a channel in which log times rise, in the order of the file."""
+
+    def __init__(self) -> None:
+        self._runs: list[list[int]] = []  # first, last, count
+
+    def add(self, time_ns: int) -> None:
+        if self._runs and time_ns >= self._runs[-1][1] - _STEP_NS:
+            run = self._runs[-1]
+            run[1], run[2] = max(run[1], time_ns), run[2] + 1
+        elif len(self._runs) <= _MOST_RUNS:
+            self._runs.append([time_ns, time_ns, 1])
+
+    @property
+    def overlap(self) -> bool:
+        """Return whether times that were there come again: the clock was set back.
+
+        Chunks that are out of order have stretches that lie beside each other.
+        """
+        runs = self._runs
+        return len(runs) <= _MOST_RUNS and any(
+            min(a[1], b[1]) - max(a[0], b[0]) > _STEP_NS and min(a[2], b[2]) >= _FEWEST
+            for a, b in pairwise(runs)
+        )
 
 
 class _Times:
     def __init__(self) -> None:
         self._times: dict[int, list[int]] = defaultdict(list)
         self._first: dict[int, int] = {}
+        self._runs: dict[int, _Runs] = defaultdict(_Runs)
 
     def add(self, channel_id: int, times_ns: list[int]) -> None:
         if not times_ns:
             return
         first_ns = min(times_ns)
         self._first[channel_id] = min(self._first.get(channel_id, first_ns), first_ns)
+        for time_ns in times_ns:
+            self._runs[channel_id].add(time_ns)
         kept = self._times[channel_id]
         kept.extend(times_ns)
         if len(kept) > _MOST:
@@ -91,7 +155,11 @@ class _Times:
 
     def spans(self) -> dict[int, Span]:
         return {
-            channel_id: Span(self._first[channel_id], int(np.median(np.array(times, np.float64))))
+            channel_id: Span(
+                self._first[channel_id],
+                int(np.median(np.array(times, np.float64))),
+                self._runs[channel_id].overlap,
+            )
             for channel_id, times in self._times.items()
         }
 
@@ -121,7 +189,8 @@ def spans_by_index(path: Path, limits: Limits) -> list[tuple[ChannelInfo, Span]]
                     body = source.peek(head.start, head.length)
                     count = max(head.length - _INDEX_HEAD, 0) // 16
                     entries = np.frombuffer(body, "<u8", 2 * count, _INDEX_HEAD if count else 0)
-                    times.add(int.from_bytes(body[:2], "little"), entries[::2].tolist())
+                    in_file = np.argsort(entries[1::2], kind="stable")
+                    times.add(int.from_bytes(body[:2], "little"), entries[::2][in_file].tolist())
                     bare_chunk = False
                 elif head.opcode == Opcode.MESSAGE and head.length >= MESSAGE_HEAD.size:
                     fields = MESSAGE_HEAD.unpack(source.peek(head.start, MESSAGE_HEAD.size))

@@ -9,7 +9,7 @@ from typing import Any
 from pipeline.core.records import Diagnostic, Severity
 from pipeline.ingest.lanes import Lanes
 from pipeline.ingest.pairing import Lane
-from pipeline.ingest.partners import EXACT_NS, SHARED_NS, Ways
+from pipeline.ingest.partners import AHEAD_NS, EXACT_NS, SHARED_NS, Ways
 from pipeline.messages.content import Kind
 
 # Kinds of which each value belongs to one picture.
@@ -42,7 +42,9 @@ def pairing_notes(
 
 def _of_way(kind: Kind, lane: Lane[Any], camera: str, way: Ways) -> Iterator[Diagnostic]:
     words = _WORDS[kind]
-    if way.by_log and (way.clock_offset_ns is None or abs(way.clock_offset_ns) > SHARED_NS):
+    if way.by_log and (
+        way.clock_offset_ns is None or not -SHARED_NS <= way.clock_offset_ns <= AHEAD_NS
+    ):
         if way.clock_offset_ns is None:
             reason = "one of the two states no usable times"
             severity = Severity.INFO

@@ -30,6 +30,7 @@ LONGEST_TOLERANCE_NS = SECOND_NS
 LAST_KNOWN_NS = 12 * 3600 * SECOND_NS
 # A detector's answer cannot be logged before its picture, but for some jitter; as shares of an interval.
 _EARLIEST = 0.1
+AHEAD_NS = SECOND_NS // 4
 _LOCKED = 0.8  # length of the mean phase (1: all alike) from which there is a constant delay
 _FEWEST = 4
 
@@ -119,7 +120,8 @@ class Partners:
         stamp_ns, log_ns = asked.moment.stamp_ns, asked.moment.log_ns
         offset_ns = _clock_offset(lane, asked.clock)
         usable = stamp_ns is not None and offset_ns is not None and asked.clock.trusts(asked.moment)
-        if usable and abs(offset_ns or 0) <= SHARED_NS:
+        # Stamps that are ahead of their logging, more than those of pictures are, are of another clock.
+        if usable and -SHARED_NS <= (offset_ns or 0) <= AHEAD_NS:
             yield True, stamp_ns or 0
             return
         yield False, log_ns

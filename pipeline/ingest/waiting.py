@@ -16,6 +16,9 @@ START_NS, START_BYTES = 5 * SECOND_NS, 64 * 1024**2
 # Boxes that come later behind their pictures than this are not waited for.
 LONGEST_NS = 5 * SECOND_NS
 
+# Messages are in order but for less than this, unless a clock was set back and they are as in the file.
+_SET_BACK_NS = SECOND_NS // 4
+
 
 @dataclass(order=True, slots=True)
 class Waiting:
@@ -52,6 +55,7 @@ class WaitingRoom:
         self._bytes = 0
         self._order = 0
         self._started = False
+        self._now_ns = 0
 
     def put(self, waiting: Waiting) -> None:
         """Let a picture wait; it is numbered in the order of its coming."""
@@ -72,12 +76,32 @@ class WaitingRoom:
         Args:
             now_ns: the log time of the message that came last; None: there is no other.
         """
+        if now_ns is not None and now_ns < self._now_ns - _SET_BACK_NS:
+            yield from self._before(now_ns)
+        self._now_ns = self._now_ns if now_ns is None else now_ns
         while self._heap and (now_ns is None or self._is_due(self._heap[0], now_ns)):
-            waiting = heapq.heappop(self._heap)
-            self._bytes -= len(waiting.image.data)
-            others = self._of_camera[waiting.camera]
-            others.remove(waiting)
-            yield waiting, [w.moment for w in others[:AROUND]]
+            yield self._next()
+
+    def _before(self, now_ns: int) -> Iterator[tuple[Waiting, list[Moment]]]:
+        """Yield all pictures but the one that came just now: the clock was set back."""
+        newest = max(self._heap, key=lambda waiting: waiting.order, default=None)
+        if newest is not None and newest.log_time_ns <= now_ns:
+            self._heap.remove(newest)
+            heapq.heapify(self._heap)
+            self._of_camera[newest.camera].remove(newest)
+        while self._heap:
+            self._started = True
+            yield self._next()
+        if newest is not None and newest.log_time_ns <= now_ns:
+            heapq.heappush(self._heap, newest)
+            self._of_camera[newest.camera].append(newest)
+
+    def _next(self) -> tuple[Waiting, list[Moment]]:
+        waiting = heapq.heappop(self._heap)
+        self._bytes -= len(waiting.image.data)
+        others = self._of_camera[waiting.camera]
+        others.remove(waiting)
+        return waiting, [w.moment for w in others[:AROUND]]
 
     def _is_due(self, first: Waiting, now_ns: int) -> bool:
         if len(self._heap) > MAX_WAITING or self._bytes > self._most_bytes:

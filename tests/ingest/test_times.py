@@ -212,6 +212,36 @@ def test_a_clock_of_stamps_that_is_set_goes_on(tmp_path: Path, step_ns: int) -> 
     assert "clock_step" in codes(notes)
 
 
+@pytest.mark.parametrize("step_ns", [-500 * MS, -1 * S, -2 * S, -2_030 * MS])
+def test_a_recorder_whose_clock_is_set_back_is_read_as_it_stands(
+    tmp_path: Path, step_ns: int
+) -> None:
+    clock = lambda n: true_clock(n) + (step_ns if n >= 20 else 0)  # noqa: E731
+    box_log = lambda n: clock(n) + 5 * MS  # noqa: E731
+    path = record(
+        tmp_path / "x.mcap",
+        image_stamp=clock,
+        image_log=clock,
+        box_stamp=clock,
+        box_log=box_log,
+        order="as written",
+    )
+    frames, notes = read(path)
+    assert [int(f.image) for f in frames] == list(range(COUNT))
+    assert paired(frames) >= COUNT - 1
+    assert steps_s(frames) == pytest.approx(0.1, abs=1e-3)
+    assert "clock_step" in codes(notes)
+
+
+def test_a_log_whose_clock_is_set_forward_leaves_the_stamps(tmp_path: Path) -> None:
+    log = lambda n: true_clock(n) + (7 * S if n >= 20 else 0)  # noqa: E731
+    path = record(tmp_path / "x.mcap", image_log=log, box_log=lambda n: log(n) + 5 * MS)
+    frames, notes = read(path)
+    assert paired(frames) == COUNT
+    assert steps_s(frames) == pytest.approx(0.1)
+    assert codes(notes) == {"clock_step"}
+
+
 def test_log_times_that_are_all_the_same_leave_the_stamps(tmp_path: Path) -> None:
     one = lambda n: START_NS  # noqa: E731
     path = record(tmp_path / "x.mcap", image_log=one, box_log=one, order="as written")
