@@ -71,7 +71,7 @@ class Limits:
     # Work of one file: so much for any file, and so much more for each MB (10^6 bytes) that it has.
     unpacked_bytes: int = 1024**3  # that compressed chunks become, in all
     unpacked_bytes_per_mb: int = 100 * 10**6  # black raw pictures shrink to a hundredth in zstd
-    records: int = 1_000_000  # read, in all, messages among them
+    records: int = 500_000  # read, in all, messages among them
     records_per_mb: int = 200_000  # a message of one number takes some 10 bytes, compressed
     search_places: int = 20_000  # that are tried, in all, to find records behind damage
     search_places_per_mb: int = 20_000
