@@ -139,9 +139,9 @@ def check_detector(config: DetectConfig) -> None:
     if config.method != AUTO and _row_named(config.method).tried_first:
         make_detector(config, CameraConfig(""), recorded=False)
     elif config.model:
-        from pipeline.detect.verify import Verifier
+        from pipeline.detect.verify import make_verifier
 
-        Verifier(config)
+        make_verifier(config)
 
 
 def _row_named(name: str) -> DetectorRow:

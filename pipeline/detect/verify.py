@@ -9,21 +9,34 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from pipeline.core.arrays import FloatArray, IntArray
+from pipeline.core.arrays import NAN, BoolArray, FloatArray, IntArray
 from pipeline.core.config import DetectConfig
 from pipeline.core.records import Boxes, Frame
 from pipeline.detect.network.detector import OnnxDetector
+from pipeline.detect.pose_verify import PoseVerifier, is_tflite
 from pipeline.images.decode import Picture
 
 # That something is a person at all takes less than to find one: half of the usual least score.
 SCORE_SHARE = 0.5
-# A share of so many looks is known to 0.15; frames that hold nobody else are not looked at any more.
-ENOUGH_LOOKS = 10
+# A share of so many looks is known to 0.15. Frames that hold nobody else are looked at seldom: the
+# tracker may have taken somebody else for them meanwhile.
+ENOUGH_LOOKS, AGAIN_S = 10, 4.0
 # Boxes of motion and of a network, around one person who is partly hidden, share a third and more.
 LEAST_OVERLAP = 0.3
+
+
+def make_verifier(config: DetectConfig) -> Verifier | PoseVerifier:
+    """Return the verifier for the configured model: a pose network (TFLite), or a detector (ONNX).
+
+    Raises:
+        UsageError: the configuration names an unknown family or backend.
+        UnusableModel: the file is no model, or not one that is understood.
+    """
+    return PoseVerifier(config) if is_tflite(Path(config.model)) else Verifier(config)
 
 
 class Verifier:
@@ -40,6 +53,7 @@ class Verifier:
         self._network = OnnxDetector(asked, every_class=True)
         self._classes = config.classes
         self._looks = Counter[int]()  # by track
+        self._looked_ns = -(1 << 62)
         self.runs_on_opencv = self._network.runs_on_opencv
 
     def confirmed(
@@ -47,29 +61,37 @@ class Verifier:
         frame: Frame,
         boxes: Boxes,
         track_ids: IntArray,
-        whole: Callable[[Frame], Picture],
+        whole: BoolArray,
+        decoded: Callable[[Frame], Picture],
     ) -> FloatArray | None:
-        """Return 1 for each box that the network finds a person in, else 0, (n,); None in most frames.
+        """Return 1 for each box with a person in it, 0 without, NaN for a part; None in most frames.
 
         Args:
             frame: the frame.
             boxes: of the motion detector.
             track_ids: of the boxes, (n,).
-            whole: gives the frame's picture at its full resolution.
+            whole: whether the picture cuts no side of each box, (n,); parts are not judged.
+            decoded: gives the frame's picture at its full resolution.
         """
         if frame.frame_index % self._every or not len(boxes):
             return None
-        if all(self._looks[track] >= ENOUGH_LOOKS for track in track_ids.tolist()):
+        asked = track_ids[whole].tolist()
+        if not asked:
             return None
-        self._looks.update(track_ids.tolist())
-        found = self._network.detect(frame, whole(frame))
+        since_s = (frame.capture_time_ns - self._looked_ns) / 1e9
+        if all(self._looks[track] >= ENOUGH_LOOKS for track in asked) and 0 <= since_s < AGAIN_S:
+            return None
+        self._looks.update(asked)
+        self._looked_ns = frame.capture_time_ns
+        found = self._network.detect(frame, decoded(frame))
         shares = _overlapped(boxes.bbox_xyxy_px, found.bbox_xyxy_px)
         score = np.where(shares, found.score, 0.0)
         wanted = np.isin(np.array(found.class_name, dtype=object), self._classes)
         person = score[:, wanted].max(axis=1, initial=0.0)
         other = score[:, ~wanted].max(axis=1, initial=0.0)
         # A network that is surer of a bottle there has not found a person.
-        return ((person > 0) & (person >= other)).astype(np.float64)
+        found_there = (person > 0) & (person >= other)
+        return np.where(whole, found_there.astype(np.float64), NAN)
 
 
 def _overlapped(boxes: FloatArray, by: FloatArray) -> np.ndarray:

@@ -35,7 +35,7 @@ class Seen(NamedTuple):
     track_ids: IntArray
     luminance: FloatArray  # of each box, (n,)
     colours: FloatArray | None = None  # of each box, (n, c), as `appearance.colours`
-    confirmed: FloatArray | None = None  # of each box, (n,): 1 or 0 by a network that looked
+    confirmed: FloatArray | None = None  # of each box, (n,): 1 or 0 by a network, NaN: none looked
 
     def without_pixels(self) -> Seen:
         """Return the same without the bytes and the pixels of the picture, which are large."""
@@ -97,7 +97,7 @@ def observe(
 def _confirmed(seen: Seen) -> list[bool | None]:
     if seen.confirmed is None:
         return [None] * len(seen.boxes)
-    return [bool(c) for c in seen.confirmed]
+    return [None if np.isnan(c) else bool(c) for c in seen.confirmed]
 
 
 def _packed(seen: Seen) -> list[bytes | None]:
@@ -144,6 +144,13 @@ def _occlusion(bbox: FloatArray) -> FloatArray:
     nearer = y1[None, :] > y1[:, None]
     covered = (shared * nearer).sum(axis=1) / ((x1 - x0) * (y1 - y0))
     return np.asarray(np.minimum(covered, 1.0))
+
+
+def seen_whole(picture: Picture, boxes: Boxes) -> BoolArray:
+    """Return whether the picture's edge cuts no side of each box that a detector found, (n,)."""
+    size = np.broadcast_to(np.array(_size(picture), dtype=np.float64), (len(boxes), 3))
+    cut = _truncated(boxes.bbox_xyxy_px, size, np.zeros(len(boxes), dtype=np.bool_))
+    return np.asarray(~cut.any(axis=1))
 
 
 def luminance_inside(picture: Picture | None, boxes: Boxes) -> FloatArray:

@@ -23,14 +23,15 @@ from pipeline.core.records import Boxes, Diagnostic, Frame, Intrinsics, Severity
 from pipeline.core.sensors.hints import assumption_of
 from pipeline.core.timing import StageTimes
 from pipeline.detect import AS_GIVEN, Detector, make_detector
-from pipeline.detect.verify import Verifier
+from pipeline.detect.pose_verify import PoseVerifier
+from pipeline.detect.verify import Verifier, make_verifier
 from pipeline.images.decode import Picture, decode
 from pipeline.images.raw import compressed
 from pipeline.ingest.plausibility import inside_picture
 from pipeline.ingest.pose import CameraPose
 from pipeline.measure.appearance import colours as colours_of
 from pipeline.measure.background_lines import Backdrop
-from pipeline.measure.observations import Seen, luminance_inside
+from pipeline.measure.observations import Seen, luminance_inside, seen_whole
 from pipeline.track.tracker import Tracker
 
 # The detector learns from this many pictures, spread over its learning time, during which frames
@@ -134,7 +135,8 @@ class CameraStage:
         confirmed = None
         if self.verifier is not None and picture is not None:
             with times.stage("verify"):
-                confirmed = self.verifier.confirmed(frame, boxes, ids, self.decode_whole)
+                whole = seen_whole(picture, boxes)
+                confirmed = self.verifier.confirmed(frame, boxes, ids, whole, self.decode_whole)
         return Seen(frame, picture, boxes, ids, light, colours, confirmed)
 
     def _colours(self, frame: Frame, picture: Picture | None, boxes: Boxes) -> FloatArray | None:
@@ -259,6 +261,8 @@ class CameraStage:
         )
 
 
-def _verifier(config: Config, detector: Detector) -> Verifier | None:
+def _verifier(config: Config, detector: Detector) -> Verifier | PoseVerifier | None:
     """Return the network that confirms what motion finds, if there is one."""
-    return Verifier(config.detect) if config.detect.model and detector.name == "motion" else None
+    if not config.detect.model or detector.name != "motion":
+        return None
+    return make_verifier(config.detect)
