@@ -27,6 +27,7 @@ from dashboards.timeline.stream import ELAPSED, TIME
 from dashboards.timeline.writer import TimelineOptions, camera_views, write_timeline
 from pipeline.core.config import Config
 from pipeline.core.errors import UsageError, Where
+from pipeline.mcap_file.bag import is_recording, size_of
 from pipeline.store.database import Store
 from pipeline.store.recordings import list_recordings
 
@@ -100,7 +101,7 @@ def find_recording(store: Store, name: str) -> dict[str, Any]:
     given = Path(name)
     tests = (
         lambda row: row["recording_id"] == name,
-        lambda row: given.is_file() and _same(Path(row["path"]), given),
+        lambda row: given.exists() and _same(Path(row["path"]), given),
         lambda row: row["file_name"] == given.name,
         lambda row: Path(row["file_name"]).stem == name,
     )
@@ -115,14 +116,14 @@ def find_recording(store: Store, name: str) -> dict[str, Any]:
         ids = ", ".join(row["recording_id"] for row in found)
         raise UsageError(f"several recordings are called {name!r}", remedy=f"Give an id: {ids}")
     row = found[0]
-    file = given if given.is_file() else Path(row["path"])
-    if not file.is_file():
+    file = given if is_recording(given) else Path(row["path"])
+    if not is_recording(file):
         raise UsageError(
             "cannot show pictures: there is no such file",
             where=Where(file),
             remedy="Give the path at which the recording is now",
         )
-    if file.stat().st_size != row["size_bytes"]:
+    if size_of(file) != row["size_bytes"]:
         raise UsageError(
             f"is not the file that was measured, which had {row['size_bytes']:,} bytes",
             where=Where(file),

@@ -22,6 +22,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 from pipeline.core.errors import StoreError, Where
+from pipeline.mcap_file.bag import parts_of, size_of
 from pipeline.store.schema import SCHEMA_VERSION
 
 FORMAT = 1
@@ -38,13 +39,13 @@ class Source:
 
     @classmethod
     def of(cls, path: Path) -> Source:
-        """Return name, size and time of a file.
+        """Return name, size and time of a file, or of a bag.
 
         Raises:
             OSError: there is no such file.
         """
-        stat = path.stat()
-        return cls(str(path.absolute()), stat.st_size, stat.st_mtime_ns)
+        newest_ns = max(part.stat().st_mtime_ns for part in parts_of(path))
+        return cls(str(path.absolute()), size_of(path), newest_ns)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from pipeline.cluster.tasks import Run, join, work, work_window
 from pipeline.core.config import Config
 from pipeline.core.errors import StadimeterError, UsageError, Where
 from pipeline.core.progress import Progress, Report, silent
+from pipeline.mcap_file.bag import is_recording
 from pipeline.parallel.processes import Engine, local_engine
 from pipeline.run.recordings import begin
 
@@ -113,7 +114,7 @@ def _missing(paths: list[Path], run: Run, result: SharedResult) -> list[Path]:
     missing = []
     for path in dict.fromkeys(paths):
         manifest = known.get(str(path))
-        if manifest is not None and path.is_file() and _answers(manifest, path, run):
+        if manifest is not None and is_recording(path) and _answers(manifest, path, run):
             result.there.append(Finished(path, manifest))
         else:
             missing.append(path)

@@ -22,7 +22,7 @@ from pipeline.core.progress import Progress, Report, silent
 from pipeline.export.annotations import CameraScene
 from pipeline.export.results import FrameResult, frame_results
 from pipeline.ingest.sources import EXPORTED
-from pipeline.mcap_file.bag import open_bytes
+from pipeline.mcap_file.bag import is_recording, open_bytes, size_of
 from pipeline.mcap_file.reader import ChannelInfo, McapFile, RawMessage
 from pipeline.mcap_file.writer import CHUNK_BYTES, schema_of
 from pipeline.store.database import Store
@@ -48,7 +48,7 @@ def export_recording(
         UsageError: the recording is not in the database, or would be overwritten.
         StadimeterError: it cannot be read or written.
     """
-    if not recording.is_file():
+    if not is_recording(recording):
         raise UsageError("there is no such file", where=Where(recording))
     if target.exists() and target.samefile(recording):
         raise UsageError("the export would overwrite the recording", where=Where(target))
@@ -68,7 +68,7 @@ def _stored(store: Store, recording: Path, database: Path) -> dict[str, Any]:
 
     What it holds is checked when it has been read: its hash is then known.
     """
-    size = recording.stat().st_size
+    size = size_of(recording)
     rows = [r for r in list_recordings(store).to_pylist() if r["size_bytes"] == size]
     named = [r for r in rows if r["file_name"] == recording.name]
     if not rows:

@@ -160,7 +160,7 @@ def survey(path: Path, config: Config, *, whole: bool = True) -> Survey:
     for camera in cameras.values():
         camera.pose = assembler.poses.get(camera.camera)
         camera.lens_given = gives_lens(config.camera_named(camera.camera))
-    statistics = None if whole else statistics_of(path, config.limits)
+    statistics = None if whole or path.is_dir() else statistics_of(path, config.limits)
     return Survey(
         path,
         file.size_bytes,
@@ -180,13 +180,11 @@ def _channels(file: McapFile, statistics: Statistics | None) -> list[ChannelSurv
     if statistics is not None:
         known |= statistics.channels
     counts = file.message_counts if statistics is None else statistics.message_counts
-    return [
-        ChannelSurvey(
-            info.topic,
-            info.schema_name,
-            info.message_encoding,
-            kind_of(info),
-            counts.get(channel_id, 0),
-        )
-        for channel_id, info in sorted(known.items(), key=lambda item: item[1].topic)
-    ]
+    found: dict[
+        tuple[str, str, str], ChannelSurvey
+    ] = {}  # a file of several recordings repeats them
+    for channel_id, info in sorted(known.items(), key=lambda item: item[1].topic):
+        key = info.topic, info.schema_name, info.message_encoding
+        channel = found.setdefault(key, ChannelSurvey(*key, kind_of(info)))
+        channel.message_count += counts.get(channel_id, 0)
+    return list(found.values())

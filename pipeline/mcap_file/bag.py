@@ -78,6 +78,11 @@ def parts_of(path: Path) -> list[Path]:
     return there
 
 
+def is_recording(path: Path) -> bool:
+    """Return whether there is a file, or a bag, at a path."""
+    return path.is_file() or (path.is_dir() and bool(listed_files(path)))
+
+
 def missing_parts(path: Path) -> list[str]:
     """Return the names of the files of a bag that are not there."""
     if not path.is_dir():

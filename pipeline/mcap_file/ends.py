@@ -82,7 +82,8 @@ def another_follows(reading: Reading) -> bool:
     if source.peek(start, len(MAGIC)) == MAGIC:
         source.skip_to(start + len(MAGIC))
         text = "another recording follows in the same file; it was read too"
-        losses.tell(Severity.INFO, "another_recording", text, start)
+        if not source.is_joined:
+            losses.tell(Severity.INFO, "another_recording", text, start)
     else:
         resume = reading.search.next_record(start)
         losses.damage(

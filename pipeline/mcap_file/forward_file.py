@@ -50,6 +50,7 @@ class ForwardFile:
         self.size = regular_size(path)
         self._stream = open_bytes(path, buffered=False)
         self._aside = open_bytes(path)
+        self.is_joined = path.is_dir()  # the files of a bag
         self._sha256 = hashlib.sha256()
         self._hashed = 0  # bytes of the file that are in the hash
         self._block = b""

@@ -21,6 +21,7 @@ from pipeline.core.config import Config, build
 from pipeline.core.errors import StadimeterError, StoreError, UsageError, Where
 from pipeline.core.progress import Report, silent
 from pipeline.core.timing import StageTimes
+from pipeline.mcap_file.bag import is_recording, open_bytes
 from pipeline.run.pass_one import measure_recording
 from pipeline.run.recording import attempt, stored_alone
 from pipeline.store.database import Store
@@ -73,7 +74,7 @@ def _verify(
     store: Store, row: dict[str, Any], path: Path, frames: int, seed: int, report: Report
 ) -> Verified:
     name = row["file_name"]
-    if not path.is_file():
+    if not is_recording(path):
         return Verified(name, f"the file is not there: {path}")
     if _sha256(path) != row["content_sha256"]:
         return Verified(name, f"the file has changed since it was measured: {path}")
@@ -105,7 +106,7 @@ def _verify(
 
 def _sha256(path: Path) -> str:
     digest = hashlib.sha256()
-    with path.open("rb") as stream:
+    with open_bytes(path) as stream:
         while block := stream.read(_BLOCK):
             digest.update(block)
     return digest.hexdigest()

@@ -13,7 +13,7 @@ from pipeline.core.errors import NotARecording, UsageError
 from pipeline.core.records import Intrinsics
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.ingest.survey import survey
-from pipeline.mcap_file.bag import JoinedFiles, open_bytes
+from pipeline.mcap_file.bag import JoinedFiles, is_recording, open_bytes, size_of
 from pipeline.mcap_file.reader import McapFile
 from pipeline.mcap_file.writer import RecordingWriter, calibration_message, image_message
 from pipeline.run.recording_paths import folders_apart, recordings_of
@@ -71,7 +71,13 @@ def test_a_split_bag_is_one_recording_with_the_calibration_of_its_first_file(
     joined = tmp_path / "joined.mcap"
     joined.write_bytes(whole)
     assert file.content_sha256 == read(joined)[2].content_sha256
-    assert survey(bag, Config()).cameras[0].frame_count == 30
+    found = survey(bag, Config())
+    assert found.cameras[0].frame_count == 30
+    assert {c.topic: c.message_count for c in found.channels} == {"/cam/i": 30, "/cam/info": 1}
+    assert not list(found.notes)
+    assert is_recording(bag)
+    assert not is_recording(bag.parent)
+    assert size_of(bag) == len(whole)
 
 
 def test_a_missing_part_is_told_and_the_others_are_read(tmp_path: Path) -> None:
