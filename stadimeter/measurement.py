@@ -15,7 +15,7 @@ from stadimeter.arguments import (
     OnProgress,
     PathLike,
     config_of,
-    recordings_in,
+    paths_of,
     report_of,
     with_timelines,
 )
@@ -42,6 +42,7 @@ def measure(
     db: PathLike,
     *,
     camera: Camera = None,
+    videos: PathLike | None = None,
     detector: str | None = None,
     model: PathLike | None = None,
     model_family: str | None = None,
@@ -53,14 +54,16 @@ def measure(
     strict: bool = True,
     progress: OnProgress = None,
 ) -> RunResult:
-    """Measure recordings, estimate depths and heights, and store both in a database.
+    """Measure recordings or videos, estimate depths and heights, and store both in a database.
 
-    A recording is stored whole or not at all; measured again, it replaces what was stored of it.
+    Of a video a recording is made first (`import_video`), unless it is there already. A recording is
+    stored whole or not at all; measured again, it replaces what was stored of it.
 
     Args:
-        recordings: MCAP files, bags (folders with a metadata.yaml), folders or patterns of them.
+        recordings: MCAP files, bags (folders with a metadata.yaml), videos, folders or patterns of them.
         db: DuckDB file; it is made if it does not exist.
         camera: camera file, or a `Config`; None takes the defaults.
+        videos: folder for the recordings that are made of videos; None takes that of the database.
         detector: `auto`, `recorded`, `roi`, `motion` or `onnx`; overrides the camera file.
         model: ONNX file of a network. It looks at every fifth frame, and tells which of the tracks that
             motion finds are people; with the detector `onnx` it looks at every frame, instead of motion.
@@ -87,12 +90,15 @@ def measure(
         DamageWarning: with `strict`, frames were lost; the table `diagnostics` says where.
     """
     from pipeline.run.recordings import run
+    from stadimeter.inputs import inputs_of
 
     _check_workers(workers)
     config = _with_detector(config_of(camera), detector, model, model_family)
     config = with_timelines(config, preview_px, split_minutes)
+    folder = Path(db).parent if videos is None else Path(videos)
+    inputs = inputs_of(paths_of(recordings), folder, config, report_of(progress))
     result = run(
-        recordings_in(recordings),
+        inputs.recordings,
         Path(db),
         config,
         timelines=None if timelines is None else _timelines(Path(timelines)),
@@ -100,6 +106,8 @@ def measure(
         label=label,
         report=report_of(progress),
     )
+    result.outcomes += inputs.failed
+    result.made = inputs.made
     if strict:
         _be_strict(result.failed, result.damaged)
     return result
@@ -110,6 +118,7 @@ def measure_parts(
     parts: PathLike,
     *,
     camera: Camera = None,
+    videos: PathLike | None = None,
     detector: str | None = None,
     model: PathLike | None = None,
     model_family: str | None = None,
@@ -130,6 +139,7 @@ def measure_parts(
         recordings: as in `measure`, under paths that every machine sees.
         parts: folder on storage that all machines share, under the same path on each.
         camera: as in `measure`.
+        videos: folder for the recordings that are made of videos; None takes the one beside `parts`.
         detector: as in `measure`.
         model: as in `measure`.
         model_family: as in `measure`.
@@ -153,14 +163,20 @@ def measure_parts(
         DamageWarning: as in `measure`.
     """
     from pipeline.cluster.shared_run import run_shared
+    from stadimeter.inputs import inputs_of
 
     _check_workers(workers)
     if address is not None and engine != "ray":
         raise UsageError("an address belongs to the engine ray")
+    config = _with_detector(config_of(camera), detector, model, model_family)
+    folder = Path(parts).parent if videos is None else Path(videos)
+    inputs = inputs_of(paths_of(recordings), folder, config, report_of(progress))
+    for one in inputs.failed:
+        raise one.error or StadimeterError(f"{one.path} could not be read")
     result = run_shared(
-        recordings_in(recordings),
+        inputs.recordings,
         Path(parts),
-        _with_detector(config_of(camera), detector, model, model_family),
+        config,
         engine=engine,
         address=address,
         workers=workers,

@@ -21,7 +21,14 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Add the command and its arguments to the parser."""
     parser = commands.add_parser("run", help="measure recordings into a database")
-    parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING")
+    parser.add_argument(
+        "recordings",
+        nargs="+",
+        type=Path,
+        metavar="RECORDING|VIDEO|FOLDER",
+        help="MCAP recordings, videos (H.264, H.265, AV1 and VP9 without encoding them anew; needs the "
+        "extra `video`), folders of both, patterns such as 'cam*.mp4'",
+    )
     add_database(parser)
     parser.add_argument("--rrd", type=Path, metavar="DIR", help="write a Rerun timeline of each")
     add_preview(parser, "--rrd-preview")
@@ -32,6 +39,12 @@ def add(commands: Commands) -> None:
         help="a timeline for each so many minutes of a recording (default: 60)",
     )
     parser.add_argument("--camera", type=Path, metavar="TOML", help="camera file")
+    parser.add_argument(
+        "--videos",
+        type=Path,
+        metavar="DIR",
+        help="folder for the recordings that are made of videos (default: beside the database)",
+    )
     parser.add_argument("--detector", choices=CHOICES)
     parser.add_argument(
         "--model",
@@ -67,6 +80,7 @@ def call(arguments: argparse.Namespace) -> int:
             arguments.recordings,
             arguments.db,
             camera=arguments.camera,
+            videos=arguments.videos,
             detector=arguments.detector,
             model=arguments.model,
             model_family=arguments.model_family,
@@ -78,6 +92,7 @@ def call(arguments: argparse.Namespace) -> int:
             strict=False,
             progress=progress,
         )
+    _print_made(result, quiet=arguments.quiet or arguments.json)
     summary = summary_of(result, arguments.db)
     if arguments.json:
         _print_json(summary, result, arguments.db)
@@ -122,6 +137,7 @@ def _call_shared(arguments: argparse.Namespace) -> int:
             arguments.recordings,
             arguments.parts,
             camera=arguments.camera,
+            videos=arguments.videos,
             detector=arguments.detector,
             model=arguments.model,
             model_family=arguments.model_family,
@@ -172,6 +188,18 @@ def print_run(result: RunResult, database: Path, summary: RunSummary) -> None:
         least = "at least " if cut else ""
         text = f"{least}{lost:,} frames were lost to damage; the table diagnostics says where"
         out.print(text, style="yellow")
+
+
+def _print_made(result: RunResult, *, quiet: bool) -> None:
+    """Print which recordings were made of videos, and what is doubtful of them."""
+    for one in result.made:
+        if not quiet:
+            how = "made of a video" if one.is_new else "was made of this video before"
+            out.print(
+                f"recording {safe(one.path)} {how}, {one.frame_count:,} frames", soft_wrap=True
+            )
+        for remark in one.remarks:
+            err.print(f"{safe(one.path.name)}: {safe(remark)}", style="yellow", soft_wrap=True)
 
 
 def _print_failures(result: RunResult) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
@@ -49,6 +49,9 @@ class VideoImport:
     duration_s: float = math.inf
     scale: float = 1.0
     jpeg_quality: int = 90
+    provenance: Mapping[str, str] = field(
+        default_factory=dict
+    )  # for the metadata, beside the others
 
 
 def import_video(
@@ -197,10 +200,33 @@ def _write_frame(
     writer.write(
         f"{prefix}/image", image_message(encoded.tobytes(), "jpeg", time_ns, name), time_ns
     )
+    stored_px = (stored.shape[1], stored.shape[0])
+    write_lens(writer, time_ns, name, camera, (width_px, height_px), stored_px)
+
+
+def write_lens(
+    writer: RecordingWriter,
+    time_ns: int,
+    name: str,
+    camera: CameraConfig,
+    size_px: tuple[int, int],
+    stored_px: tuple[int, int],
+) -> None:
+    """Write what a camera file says of the lens, as the calibration and exposure of a frame.
+
+    Args:
+        writer: the recording.
+        time_ns: time of the frame.
+        name: name of the camera.
+        camera: its entry in the camera file.
+        size_px: width and height of the video's pictures.
+        stored_px: width and height of the stored ones.
+    """
+    prefix, (width_px, height_px) = f"/{name}", size_px
     lens = lens_of(UNKNOWN_EXPOSURE, camera, None, width_px, height_px)
     intrinsics, _, _ = intrinsics_of(None, camera, lens, width_px, height_px)
     if intrinsics is not None:
-        scaled = fit_to_picture(intrinsics, stored.shape[1], stored.shape[0]) or intrinsics
+        scaled = fit_to_picture(intrinsics, *stored_px) or intrinsics
         writer.write(f"{prefix}/calibration", calibration_message(scaled, time_ns, name), time_ns)
     stated = Exposure(**{row: getattr(lens, row) for row in FIELDS if hasattr(lens, row)})
     if any(not math.isnan(getattr(stated, row)) for row in FIELDS):
@@ -211,6 +237,7 @@ def _write_frame(
 
 def _provenance(video: Path, times: FrameTimes, options: VideoImport) -> dict[str, str]:
     return {
+        **options.provenance,
         "source": video.name,
         "frame_rate": f"{times.rate:g}",
         "frame_times": times.source,

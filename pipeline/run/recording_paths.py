@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
 from pipeline.core.errors import UsageError, Where
@@ -14,36 +14,40 @@ SUFFIX = ".mcap"
 _OTHERS = (".db3", ".bag", ".zstd", ".zst")
 
 
-def recordings_of(given: Iterable[Path]) -> list[Path]:
+def recordings_of(given: Iterable[Path], also: Collection[str] = ()) -> list[Path]:
     """Return the recordings that are named, each once: files, and folders of bags.
 
     A folder is searched at any depth; a folder with a metadata.yaml is one recording. Where all files
     of a bag are named, they are that bag. A path that does not exist is kept if it is no pattern.
 
+    Args:
+        given: what a user names.
+        also: suffixes of other files that are looked for in folders, in small letters: `.mp4`.
+
     Raises:
         UsageError: a folder holds no recording, or a pattern fits nothing.
     """
-    found = dict.fromkeys(path for one in given for path in _of_one(one))
+    found = dict.fromkeys(path for one in given for path in _of_one(one, also))
     return _bags_of(list(found))
 
 
-def _of_one(path: Path) -> Iterator[Path]:
+def _of_one(path: Path, also: Collection[str]) -> Iterator[Path]:
     if path.is_dir():
-        yield from _in_folder(path)
+        yield from _in_folder(path, also)
     elif glob.has_magic(str(path)) and not path.exists():
         fitting = sorted(glob.glob(str(path), recursive=True))  # noqa: PTH207
         if not fitting:
             raise UsageError("no file fits this pattern", where=Where(path))
         for name in fitting:
             if Path(name).is_dir():
-                yield from _in_folder(Path(name), required=False)
+                yield from _in_folder(Path(name), also, required=False)
             else:
                 yield Path(name)
     else:
         yield path
 
 
-def _in_folder(folder: Path, *, required: bool = True) -> Iterator[Path]:
+def _in_folder(folder: Path, also: Collection[str], *, required: bool = True) -> Iterator[Path]:
     if (folder / BAG).is_file():
         yield folder
         return
@@ -56,14 +60,14 @@ def _in_folder(folder: Path, *, required: bool = True) -> Iterator[Path]:
         folders[:] = [name for name in folders if not name.startswith(".")]
         for name in names:
             suffix = Path(name).suffix.lower()
-            if suffix == SUFFIX and not name.startswith("."):
+            if (suffix == SUFFIX or suffix in also) and not name.startswith("."):
                 found.append(Path(place) / name)
             elif suffix in _OTHERS:
                 others.add(suffix)
     if not found and required:
         there = f" (there are {', '.join(sorted(others))} files)" if others else ""
         raise UsageError(
-            f"the folder holds no {SUFFIX} file{there}",
+            f"the folder holds no {SUFFIX} file{' and no video' if also else ''}{there}",
             where=Where(folder),
             remedy="Name recordings, or a folder of them"
             + ("; convert others with `mcap convert` or `ros2 bag convert`" if others else ""),

@@ -26,6 +26,7 @@ from pipeline.core.config import Config
 from pipeline.core.errors import RowsRefused, StadimeterError, StoreError, Where
 from pipeline.core.files import check_folder
 from pipeline.core.progress import Progress, Report, silent
+from pipeline.importing.provenance import ImportedVideo
 from pipeline.parallel.processes import WorkerLost, local_engine
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recording import Outcome, Timelines, Work, add_failure, attempt, work_alone
@@ -53,6 +54,7 @@ class RunResult:
 
     run_id: str
     outcomes: list[Outcome] = field(default_factory=list)
+    made: list[ImportedVideo] = field(default_factory=list)  # recordings of videos, for this run
 
     @property
     def stored(self) -> list[Outcome]:
