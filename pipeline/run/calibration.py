@@ -33,6 +33,7 @@ from pipeline.core.records import Diagnostic, FoundLens, GroundPlane
 from pipeline.estimate.tables import calibrations_table, measured_by_camera
 from pipeline.estimate.types import Measured
 from pipeline.run.recordings import describe, library_versions
+from pipeline.run.standing_part import in_standing_part
 from pipeline.run.stored_camera import StoredCamera, lines_of
 from pipeline.store.database import Store
 from pipeline.store.estimates import add_calibrations
@@ -254,7 +255,9 @@ def _of_recording(
         camera = StoredCamera(store, recording_id, lens)
         prior = config.of_camera(name).stature or ADULT
         try:
-            measured = _people(camera, tracks.filter(pc.equal(tracks["camera"], name)), known)
+            mine = tracks.filter(pc.equal(tracks["camera"], name))
+            mine = mine.filter(in_standing_part(store, recording_id, name, mine))
+            measured = _people(camera, mine, known)
             made = calibrate_stored(measured, lens, prior, known, lines_of(edges, name))
         except CalibrationUndetermined as error:
             yield name, error

@@ -31,6 +31,7 @@ from pipeline.ingest.plausibility import inside_picture
 from pipeline.ingest.pose import CameraPose
 from pipeline.measure.appearance import colours as colours_of
 from pipeline.measure.background_lines import Backdrop
+from pipeline.measure.camera_motion import CameraMotion
 from pipeline.measure.observations import Seen, luminance_inside, seen_whole
 from pipeline.track.tracker import Tracker
 
@@ -65,6 +66,7 @@ class CameraStage:
         self.verifier = _verifier(config, self.detector)
         self.tracker = Tracker(config.track, camera)
         self.backdrop = Backdrop()
+        self._motion = CameraMotion(camera)
         self.intrinsics: Intrinsics | None = None
         self._intrinsics_source: str | None = None
         self._rectified: Intrinsics | None = None
@@ -125,6 +127,7 @@ class CameraStage:
         frame, picture = self._without_boxes_outside(item)
         with times.stage("detect"):
             self.backdrop.add(picture)
+            self._watch(frame, picture)
             expected = self.tracker.expected(frame.capture_time_ns)
             boxes = self._bounded(frame, self.detector.detect(frame, picture, expected))
         with times.stage("track"):
@@ -138,6 +141,12 @@ class CameraStage:
                 whole = seen_whole(picture, boxes)
                 confirmed = self.verifier.confirmed(frame, boxes, ids, whole, self.decode_whole)
         return Seen(frame, picture, boxes, ids, light, colours, confirmed)
+
+    def _watch(self, frame: Frame, picture: Picture | None) -> None:
+        """Say when the camera moves, or the pictures show another place."""
+        note = self._motion.add(picture, frame.capture_time_ns, frame.log_time_ns)
+        if note is not None:
+            self._notes.add(replace(note, topic=frame.topic))
 
     def _colours(self, frame: Frame, picture: Picture | None, boxes: Boxes) -> FloatArray | None:
         """Return the colours of boxes, now and then: people keep their clothes."""

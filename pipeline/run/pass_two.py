@@ -31,6 +31,7 @@ from pipeline.estimate.track_batches import Tracks
 from pipeline.run.exposure_notes import exposure_notes
 from pipeline.run.people_check import lens_by_people, people_of, refused_pose
 from pipeline.run.scale_notes import scale_notes
+from pipeline.run.standing_part import in_standing_part, parts_of
 from pipeline.run.stored_camera import StoredCamera, lines_of
 from pipeline.store.database import Store
 from pipeline.store.estimates import add_calibrations, add_estimates, forget_estimates
@@ -70,14 +71,16 @@ def estimate_recording(
         here = config.of_camera(row.camera)
         camera = StoredCamera(store, recording_id, known_lens(row, config.camera_named(row.camera)))
         lines_px = lines_of(edges, row.camera)
-        camera.plane = _pose(camera, mine, lines_px, here, remarks)
-        if camera.plane is not None:
-            set_pose(store, recording_id, row.camera, camera.plane)
+        stands = in_standing_part(store, recording_id, row.camera, mine)
+        plane = _pose(camera, mine.filter(stands), lines_px, here, remarks)
+        if plane is not None:
+            set_pose(store, recording_id, row.camera, plane)
         if camera.row != row:
             set_lens(store, recording_id, camera.row)
-        for rows in _estimated(camera, Tracks.of(mine), here, remarks, batch):
-            add_estimates(store, recording_id, run_id, rows.by_table())
-        remarks.add(scale_notes(row.camera, camera.plane, mine, here))
+        for some, camera.plane in parts_of(mine, stands, plane):
+            for rows in _estimated(camera, some, here, remarks, batch):
+                add_estimates(store, recording_id, run_id, rows.by_table())
+        remarks.add(scale_notes(row.camera, plane, mine, here))
     add_calibrations(store, remarks.calibrations(), run_id)
     add_diagnostics(store, remarks.diagnostics(), recording_id, run_id, file_name)
 

@@ -9,7 +9,7 @@ as well as people do: the fit alone cannot tell. Two things do, and neither need
 And somebody must walk: things that never move (bottles on a belt that stands, poles, a hedge in the wind)
 are not people because they are upright. Those who stand are welcome beside those who walk.
 
-A track is unlike a walker by either. The pose is refused if most tracks are: a few cyclists do not spoil
+A track is unlike a walker by either. The pose is refused if most tracks that move are: a few cyclists do not spoil
 it, and walkers among more cars than people cannot be told apart here.
 """
 
@@ -51,7 +51,7 @@ REMEDY = (
     "No pose is made of them. Give camera_height_m and tilt_deg in a camera file, or detect people with "
     "a network"
 )
-MOST = 0.5  # of the tracks
+MOST = 0.5  # of the tracks that move
 MIN_TRACKS = 4
 
 
@@ -97,10 +97,12 @@ class Likeness:
             )
         fast, wide = self.too_fast, self.too_wide
         unlike = fast | wide
-        if count < MIN_TRACKS or unlike.sum() <= MOST * count:
+        # What stands speaks for nobody: neither for cars at a light nor for people at a stop.
+        speak = (self.speed > SLOWEST_WALK) | wide
+        if unlike.sum() < MIN_TRACKS or unlike.sum() <= MOST * speak.sum():
             return
         raise NotWalkers(
-            f"{unlike.sum()} of the {count} tracks that the camera's pose would rest on are not of "
+            f"{unlike.sum()} of the {speak.sum()} moving tracks that the camera's pose would rest on are not of "
             f"people who walk: {fast.sum()} are faster than {FASTEST_WALK:.1f} body heights a second "
             f"(half of all exceed {np.nanmedian(self.speed):.1f}), {wide.sum()} are wider than a "
             f"person (half of all are wider than {np.nanmedian(self.aspect):.2f} of their height)",
