@@ -9,8 +9,8 @@ as well as people do: the fit alone cannot tell. Two things do, and neither need
 And somebody must walk: things that never move (bottles on a belt that stands, poles, a hedge in the wind)
 are not people because they are upright. Those who stand are welcome beside those who walk.
 
-A track is unlike a walker by either. The pose is refused if most tracks that move are: a few cyclists do not spoil
-it, and walkers among more cars than people cannot be told apart here.
+A track is unlike a walker by either. The pose is refused if most tracks that move are: a few cyclists do
+not spoil it, and walkers among more cars than people cannot be told apart here.
 """
 
 from __future__ import annotations
@@ -102,9 +102,9 @@ class Likeness:
         if unlike.sum() < MIN_TRACKS or unlike.sum() <= MOST * speak.sum():
             return
         raise NotWalkers(
-            f"{unlike.sum()} of the {speak.sum()} moving tracks that the camera's pose would rest on are not of "
-            f"people who walk: {fast.sum()} are faster than {FASTEST_WALK:.1f} body heights a second "
-            f"(half of all exceed {np.nanmedian(self.speed):.1f}), {wide.sum()} are wider than a "
+            f"{unlike.sum()} of the {speak.sum()} moving tracks that the camera's pose would rest on are "
+            f"not of people who walk: {fast.sum()} are faster than {FASTEST_WALK:.1f} body heights a "
+            f"second (half of all exceed {np.nanmedian(self.speed):.1f}), {wide.sum()} are wider than a "
             f"person (half of all are wider than {np.nanmedian(self.aspect):.2f} of their height)",
             remedy=REMEDY,
         )
