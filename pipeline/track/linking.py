@@ -32,6 +32,10 @@ HEIGHT_STD = 0.10  # of the logarithm of the height beside what is usual there
 COLOUR_STD = 0.12
 COLOUR_WEIGHT = 3.0  # in squared deviations at COLOUR_STD
 WAIT_COST_PER_S = 0.5
+# The tracker's own word that a piece goes on as the next piece of its track: it is right at seven or
+# eight of such cuts for one at which it is not, and twice the logarithm of that adds up with squared
+# deviations.
+TRACKERS_WORD = 4.0
 # A link that costs more is none: so many squared deviations, of place, height and colour.
 NO_LINK = 8.0
 # Of the height: a child, half of a person or two in one box, which are to tell nothing of the others.
@@ -56,18 +60,25 @@ class Tracklets:
 
     begin: Ends
     end: Ends
+    track: IntArray  # of the tracker
     count: IntArray  # observations
     height: FloatArray  # logarithm of the height beside the usual one there
     colour: FloatArray  # (t, c) square roots of a histogram; NaN where nobody looked
 
 
 def describe(
-    tracklet: IntArray, time_s: FloatArray, bbox_xyxy_px: FloatArray, colour: FloatArray
+    tracklet: IntArray,
+    track: IntArray,
+    time_s: FloatArray,
+    bbox_xyxy_px: FloatArray,
+    colour: FloatArray,
 ) -> Tracklets:
     """Return what `link` asks of tracklets.
 
     Args:
-        tracklet: of each box, from 0, ascending; rows of one are in order of time.
+        tracklet: of each box, from 0, ascending; rows of one are in order of time, and those of one track
+            of the tracker one after another.
+        track: of the tracker, (n,).
         time_s: when.
         bbox_xyxy_px: where, (n, 4).
         colour: square roots of a histogram, (n, c); NaN where nobody looked.
@@ -88,6 +99,7 @@ def describe(
     return Tracklets(
         _ends(tracklet, time_s, foot, tall, first),
         _ends(tracklet, time_s, foot, tall, last),
+        track[first],
         count,
         np.bincount(tracklet, weights=off) / count,
         mean,
@@ -196,7 +208,8 @@ def _cost(t: Tracklets, one: IntArray, other: IntArray) -> FloatArray:
     height = ((t.height[one] - t.height[other]) / HEIGHT_STD) ** 2
     likeness = np.minimum((t.colour[one] * t.colour[other]).sum(axis=1), 1.0)
     colour = np.nan_to_num(COLOUR_WEIGHT * (1.0 - likeness) / COLOUR_STD)
-    cost = place + weight * (height + colour) + WAIT_COST_PER_S * gap_s
+    own = (t.track[one] == t.track[other]) & (other == one + 1)
+    cost = place + weight * (height + colour) + WAIT_COST_PER_S * gap_s - TRACKERS_WORD * own
     return np.asarray(np.where(direct <= FARTHEST + FARTHEST_PER_S * gap_s, cost, np.inf))
 
 

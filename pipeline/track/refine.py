@@ -77,7 +77,7 @@ class Refiner:
         some = rows.take(order)
         together = overlapping(some.frame, some.bbox_xyxy_px)
         piece = cut(some.track, some.time_s, some.bbox_xyxy_px, together)
-        t = linking.describe(piece, some.time_s, some.bbox_xyxy_px, some.colour)
+        t = linking.describe(piece, some.track, some.time_s, some.bbox_xyxy_px, some.colour)
         known = np.full(len(t.count), -1, dtype=np.int64)
         np.maximum.at(known, piece, self._known[order])
         follows = linking.link(t, known >= 0, _goes_on(known, t.begin.time_s))
