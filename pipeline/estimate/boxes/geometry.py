@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.arrays import FloatArray
+from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.ends import Directions, Ends
 from pipeline.estimate.boxes.scatter import Scatter
 from pipeline.estimate.types import Estimated, Measured
@@ -19,6 +20,10 @@ from pipeline.optics.thin_lens import image_distance_mm
 # a bag, a shadow. The depths of whole tracks of the motion detector are off by that (36 rendered
 # recordings), from the best tracks to the worst.
 COMMON_SHARE = 0.9
+# A box may be drawn down to the shoes, as a silhouette ends, or down to the ground below the body, as a
+# point on the ground is marked; one of them holds for all boxes of a recording. The reach is taken as a
+# silhouette's. Where both are as likely, its error is none or all of it: sqrt(1/2) of it.
+REACH_CONVENTION_STD = 0.71
 
 
 @dataclass(frozen=True)
@@ -171,24 +176,32 @@ class Geometry:
         plane = self.measured.ground_plane
         if self.reach_std is None or plane is None:
             return np.zeros(len(self.measured))
+        return np.nan_to_num(self._foot_by_reach(plane) * self.reach_std)
+
+    def _foot_by_reach(self, plane: GroundPlane) -> FloatArray:
+        """Return the foot's row, normalised, by a unit of reach: dy = slope^2 dZ / h."""
         tilt = plane.tilt_rad
         slope = self.foot[:, 1] * np.cos(tilt) + np.sin(tilt)
-        # dy = -slope^2 dZ / h, and the reach moves Z by `reach_m`.
-        by_reach = slope**2 / plane.camera_height_m * self.reach_m
-        return np.nan_to_num(by_reach * self.reach_std)
+        return np.asarray(slope**2 / plane.camera_height_m * self.reach_m)
 
     @cached_property
     def common_std(self) -> FloatArray:
         """Standard deviations of what the ends have in common along a track, (n, 2): foot, head.
 
-        In proportion to what is each frame's own, at the track's median.
+        In proportion to what is each frame's own, at the track's median; of the foot of a body also how
+        its boxes end.
         """
         m, tall = self.measured, (self.foot - self.head)[:, 1]
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.column_stack([self._std(3), self._std(1)]) / tall[:, None]
         share[~np.isfinite(share)] = np.nan
         of_track = pd.DataFrame(share).groupby(m.track_id).transform("median").to_numpy()
-        return np.nan_to_num(COMMON_SHARE * of_track * tall[:, None])
+        common = np.nan_to_num(COMMON_SHARE * of_track * tall[:, None])
+        reach = self.ends.reach
+        if reach is not None and m.ground_plane is not None:
+            convention = REACH_CONVENTION_STD * reach * self._foot_by_reach(m.ground_plane)
+            common[:, 0] = np.hypot(common[:, 0], np.nan_to_num(convention))
+        return common
 
     @cached_property
     def head_std(self) -> FloatArray:

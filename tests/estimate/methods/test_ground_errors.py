@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.core.config import Config
 from pipeline.core.records import GroundPlane
-from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.boxes.geometry import REACH_CONVENTION_STD, Geometry
 from pipeline.estimate.boxes.reach import with_reach
 from pipeline.estimate.methods import ground
 from pipeline.optics.silhouette import REACH_COMMON_STD, REACH_TRACK_STD
@@ -44,7 +44,7 @@ def test_the_error_of_a_focal_length_is_in_depth_and_height(ahead_m: float) -> N
 
 
 def test_how_far_feet_are_before_the_axis_is_in_the_depth() -> None:
-    """Boxes and pose exact: what remains is the reach, of this person and of what all wear."""
+    """Boxes and pose exact: what remains is the reach, of this person, of shoes, of how boxes end."""
     geometry = with_reach(standing(12.0, PLANE))
     assert geometry.reach is not None
     found = ground.estimate(geometry, Config())
@@ -53,6 +53,7 @@ def test_how_far_feet_are_before_the_axis_is_in_the_depth() -> None:
         geometry.with_reach(geometry.reach + step, geometry.reach_std), Config()
     )
     slope = (farther.depth_m - found.depth_m) / step
-    expected = np.abs(slope) * np.hypot(REACH_TRACK_STD, REACH_COMMON_STD)
+    convention = REACH_CONVENTION_STD * geometry.reach
+    expected = np.abs(slope) * np.sqrt(REACH_TRACK_STD**2 + REACH_COMMON_STD**2 + convention**2)
     np.testing.assert_allclose(found.depth_common_std_m, expected, rtol=0.03)
     assert (expected > 0.01).all()
