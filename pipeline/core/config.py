@@ -242,6 +242,16 @@ class TimelineConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class KnownPerson:
+    """A person of known height in one recording of a camera (`calibrate --known-height`)."""
+
+    recording_id: str  # the key of the recording, as in the database
+    track_id: int
+    height_m: float  # standing, with shoes
+    std_m: float = 0.01
+
+
+@dataclass(frozen=True, slots=True)
 class CameraConfig:
     """Facts about a camera beside its recordings; NaN is unknown.
 
@@ -249,6 +259,8 @@ class CameraConfig:
     """
 
     name: str
+    # With these the pose of their recording is found anew, so that what follows from them is exact.
+    known_person: tuple[KnownPerson, ...] = ()
     country: str = ""  # whose people pass: two letters (ISO 3166-1); empty: that of the file
     focal_length_mm: float = NAN
     f_number: float = NAN
@@ -326,6 +338,16 @@ class Config:
         ):
             return self
         return replace(self, size_prior=(adult_of(country), *others))
+
+    def of_recording(self, recording_id: str) -> Config:
+        """Return the configuration without the people who are known in other recordings."""
+        cameras = tuple(
+            replace(
+                c, known_person=tuple(k for k in c.known_person if k.recording_id == recording_id)
+            )
+            for c in self.camera
+        )
+        return replace(self, camera=cameras)
 
     def camera_named(self, name: str) -> CameraConfig:
         """Return the entry of a camera, or an empty one."""

@@ -102,6 +102,7 @@ BOUNDS: Mapping[str, Mapping[str, Bound]] = {
         "roll_deg": Bound(-180.0, 180.0),
         "roll_std_deg": _DEVIATION_DEG,
     },
+    "KnownPerson": {"height_m": Bound(0.2, 3.0), "std_m": Bound(0.0, 1.0, above_low=True)},
     "SizePrior": {
         "mean_m": _LENGTH_M,
         "std_m": _LENGTH_STD_M,

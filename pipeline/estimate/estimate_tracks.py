@@ -138,7 +138,12 @@ def estimate_tracks(measured: Measured, config: Config, remarks: Remarks) -> Row
     slopes = None if joint is None else log_slopes(geometry, joint)[1]
     heights = [
         track_heights(
-            measured, e, name, config.size_prior, slopes if name in (GROUND, FUSED) else None
+            measured,
+            e,
+            name,
+            config.size_prior,
+            slopes if name in (GROUND, FUSED) else None,
+            config.camera_named(measured.camera).known_person if name == FUSED else (),
         )
         for name, e in made.items()
     ]

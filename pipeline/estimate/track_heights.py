@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from pipeline.core.arrays import FloatArray
 from pipeline.core.calibration import Dimension
-from pipeline.core.config import SizePrior
+from pipeline.core.config import KnownPerson, SizePrior
 from pipeline.core.robust import MAD_TO_STD, MEDIAN_EFFICIENCY, noise_part
 from pipeline.core.tables import TRACK_HEIGHTS
 from pipeline.estimate.boxes.error_correlation import independent_share
@@ -31,6 +31,7 @@ def track_heights(
     method: str,
     priors: Sequence[SizePrior] = (),
     slopes: FloatArray | None = None,
+    known: Sequence[KnownPerson] = (),
 ) -> pa.Table:
     """Return the median height of each track and its standard deviation, and its depths.
 
@@ -47,6 +48,7 @@ def track_heights(
         method: its name.
         priors: of the classes that are known.
         slopes: of heights by the ground over what their camera shares, (n, 10), where that is known.
+        known: people whose height is known beside; theirs is that, and no measurement.
     """
     frame = pd.DataFrame(
         {
@@ -87,6 +89,17 @@ def track_heights(
     names = _commonest(frame)
     # That it may be no one person is what is asked here.
     doubt_m = tracks["doubt_m"].median().to_numpy()
+    tracks_in_order = depth.index.to_numpy()
+    for person in known:
+        mine = (tracks_in_order == person.track_id) & (count > 0)
+        height_m, height_std_m, doubt_m = (
+            np.where(mine, told, found)
+            for told, found in (
+                (person.height_m, height_m),
+                (person.std_m, height_std_m),
+                (0.0, doubt_m),
+            )
+        )
     sure_std_m = noise_part(height_std_m, doubt_m)
     plausible = _plausible(height_m, sure_std_m, names, priors)
     columns: dict[str, object] = {
@@ -104,7 +117,6 @@ def track_heights(
         "height_low_m": np.maximum(height_m - HALF_WIDTH * height_std_m, 0.0),
         "height_high_m": height_m + HALF_WIDTH * height_std_m,
     }
-    tracks_in_order = depth.index.to_numpy()
     joint = measured.ground_plane.joint if measured.ground_plane is not None else None
     if joint is None or slopes is None:
         columns |= unknown_parts(len(depth))
@@ -113,6 +125,9 @@ def track_heights(
         of_tracks = slopes_of_tracks(
             measured.track_id, np.where(seen[:, None], slopes, np.nan), tracks_in_order
         )
+        # Of a known height the error is its own, of whoever told it.
+        told = np.isin(tracks_in_order, [person.track_id for person in known])
+        of_tracks = np.where(told[:, None], 0.0, of_tracks)
         columns |= height_parts(joint, of_tracks, height_m, height_std_m, doubt_m)
     arrays = [pa.array(columns[f.name], type=f.type, from_pandas=True) for f in TRACK_HEIGHTS]
     return pa.Table.from_arrays(arrays, schema=TRACK_HEIGHTS)

@@ -27,7 +27,7 @@ from pipeline.calibrate.walkers.pose_and_lens import Calibrated, calibrate_store
 from pipeline.core.calibration import CalibratedMethod, Calibration
 from pipeline.core.camera_file import write_camera_file
 from pipeline.core.camera_row import CameraRow, camera_rows
-from pipeline.core.config import ADULT, CameraConfig, Config, SizePrior
+from pipeline.core.config import ADULT, CameraConfig, Config, KnownPerson, SizePrior
 from pipeline.core.errors import CalibrationUndetermined, StoreError, UsageError, Where
 from pipeline.core.records import Diagnostic, FoundLens, GroundPlane
 from pipeline.estimate.tables import calibrations_table, measured_by_camera
@@ -151,7 +151,10 @@ def calibrate_stored_walkers(
         found = [f for n, f in results if n == name and isinstance(f, Found)]
         if found:
             lens, planes = _one_lens(found)
-            cameras.append(as_given(name, _combined(planes), lens))
+            people = tuple(
+                KnownPerson(ids[0], p.track_id, p.height_m, p.std_m) for p in known.heights
+            )
+            cameras.append(replace(as_given(name, _combined(planes), lens), known_person=people))
     if cameras:
         write_camera_file(camera_file, replace(config, camera=tuple(cameras)))
     return results

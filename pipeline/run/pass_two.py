@@ -17,12 +17,13 @@ import pyarrow.compute as pc
 
 from pipeline.calibrate.camera_entry import given_pose
 from pipeline.calibrate.stored_lens import known_lens, with_doubt, with_found
+from pipeline.calibrate.walkers.known_lengths import KnownHeight, KnownLengths
 from pipeline.calibrate.walkers.pose import WalkersReport
 from pipeline.calibrate.walkers.pose_and_lens import calibrate_stored
 from pipeline.calibrate.walkers.walker_veto import NotWalkers
 from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_row import CameraRow, camera_rows
-from pipeline.core.config import Config
+from pipeline.core.config import CameraConfig, Config
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.core.records import Diagnostic, FoundLens, GroundPlane, Severity
 from pipeline.estimate.estimate_tracks import Remarks, camera_blur, estimate_tracks
@@ -58,6 +59,7 @@ def estimate_recording(
 
     Tracks are worked on in batches of about `batch` observations; the results do not depend on it.
     """
+    config = config.of_recording(recording_id)
     remarks = Remarks(config)
     remarks.add(exposure_notes(exposure_verdicts(store, recording_id)))
     edges = store.read("background_lines", recording_id)
@@ -109,11 +111,15 @@ def _pose(
     claimed pose under which people are impossible is told, and not used.
     """
     name, prior = camera.row.camera, config.stature
-    poses = given_pose(config.camera_named(name), camera.row), recorded_pose(camera.row)
+    known = _known_people(config.camera_named(name))
+    if known:
+        poses: tuple[GroundPlane | None, ...] = ()
+    else:
+        poses = given_pose(config.camera_named(name), camera.row), recorded_pose(camera.row)
     claimed = [pose for pose in poses if pose is not None]
     if prior is None:
         return claimed[0] if claimed else None
-    measured = camera.people(tracks)
+    measured = camera.people(tracks, [person.track_id for person in known.heights])
     if measured is None:
         return claimed[0] if claimed else None
     camera.row, told = lens_by_people(camera.row, measured, next(iter(claimed), None), prior)
@@ -127,7 +133,7 @@ def _pose(
     if camera.row.moves:
         return None
     try:
-        found = calibrate_stored(measured, camera.row, prior, lines_px=lines_px)
+        found = calibrate_stored(measured, camera.row, prior, known, lines_px)
     except CalibrationUndetermined as error:
         remarks.add([_describe_refusal(name, error)])
         return None
@@ -139,6 +145,12 @@ def _pose(
         camera.row = with_doubt(camera.row, found.plane)
     remarks.add([_describe(name, found.plane, found.report)])
     return found.plane
+
+
+def _known_people(camera: CameraConfig) -> KnownLengths:
+    return KnownLengths(
+        tuple(KnownHeight(k.track_id, k.height_m, k.std_m) for k in camera.known_person)
+    )
 
 
 def recorded_pose(camera: CameraRow) -> GroundPlane | None:

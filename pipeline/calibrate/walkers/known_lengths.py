@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from pipeline.calibrate.walkers.model import Sample, Scale
 from pipeline.calibrate.walkers.upright_edges import Uprights, bend_std_of
@@ -12,11 +13,16 @@ from pipeline.core.arrays import FloatArray
 from pipeline.core.config import SizePrior
 from pipeline.core.errors import UsageError
 from pipeline.estimate.boxes.ends import camera_of
+from pipeline.estimate.boxes.geometry import COMMON_SHARE
 from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M
 from pipeline.estimate.types import Measured
 
 # Where something here is known in metres it decides; the population still keeps a fit from running off.
 FREE_MEAN_STD = 0.3  # relative
+# A walker's head rises and falls by about 2 cm either side, and the box's foot is now one foot, now
+# the other (Whittle, Gait Analysis: vertical excursion of the trunk 46 mm).
+GAIT_STD = 0.02  # of the stature
+USUAL_M = 1.7
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +79,9 @@ def scale_of(
     for person in known.heights:
         mine = sample.track_id == person.track_id
         mean_m[mine], of_population[mine] = person.height_m - GAIT_DROP_M, False
-        std_m[mine] = np.hypot(person.std_m, GAIT_DROP_STD_M)
-    mean_std = FREE_MEAN_STD if known else prior.mean_uncertainty_m / prior.mean_m
+        std_m[mine] = np.linalg.norm([person.std_m, GAIT_DROP_STD_M, _own_box_std_m(sample, mine)])
+    # One person's boxes may be off all along; beside them the population still says something.
+    mean_std = FREE_MEAN_STD if known.distances else prior.mean_uncertainty_m / prior.mean_m
     camera = camera_of(measured.intrinsics) if measured.intrinsics else None
     points = [
         camera.normalize(np.asarray(d.points_px, dtype=np.float64))
@@ -92,6 +99,14 @@ def scale_of(
         uprights,
         bend_std_of(measured.intrinsics),
     )
+
+
+def _own_box_std_m(sample: Sample, person: npt.NDArray[np.bool_]) -> float:
+    """Return how far all boxes of a person may be off together, in metres."""
+    rows = person[sample.track]
+    tall = np.maximum(sample.foot[rows, 1] - sample.head[rows, 1], 1e-9)
+    noise = np.sqrt(np.maximum((sample.sigma[rows] / tall) ** 2 - GAIT_STD**2, 0.0))
+    return float(USUAL_M * COMMON_SHARE * np.median(noise)) if rows.any() else 0.0
 
 
 def _relative_std(known: KnownDistance) -> float:

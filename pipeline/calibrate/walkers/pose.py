@@ -29,6 +29,7 @@ from pipeline.calibrate.walkers.known_lengths import (
     check_known,
     scale_of,
 )
+from pipeline.calibrate.walkers.known_people import conditioned
 from pipeline.calibrate.walkers.model import (
     PEOPLE,
     REACH,
@@ -85,20 +86,25 @@ class Fitted:
     sample: Sample
     scale: Scale
     fit: OptimizeResult
+    known: KnownLengths = NOTHING_KNOWN
 
     def result(self) -> tuple[GroundPlane, WalkersReport]:
         """Return the pose with its covariance, and how well it is determined.
 
         Raises:
             CalibrationUndetermined: their tracks do not fix the pose.
+            UsageError: a person of known height is nowhere seen from head to feet.
         """
         plane = replace(plane_of(self.fit), source="walkers")
         joint = joint_errors(self.fit, self.sample, self.scale, self.measured, plane)
         to_metres = np.diag([plane.camera_height_m, 1.0, 1.0])
         covariance = to_metres @ joint.covariance[:3, :3] @ to_metres
         plane = replace(plane, covariance=covariance, joint=joint)
+        for person in self.known.heights:
+            if person.track_id not in self.sample.track_id:
+                plane = conditioned(plane, self.measured, person)
         check_determined(plane)
-        std, edges = np.sqrt(np.diag(covariance)), len(self.scale.uprights)
+        std, edges = np.sqrt(np.diag(plane.covariance)), len(self.scale.uprights)
         return plane, report_of(self.fit, self.sample, self.measured, std, edges)
 
 
@@ -142,7 +148,8 @@ def fit_walkers(
         sample = only(again, np.array([i in chosen for i in again.track_id.tolist()]))
         uprights = uprights_at(lines_px, measured, best)
         sample, best = _fit_alike(sample, prior, known, measured, best, uprights)
-    return Fitted(measured, sample, scale_of(sample, prior, known, measured, uprights), best)
+    scale = scale_of(sample, prior, known, measured, uprights)
+    return Fitted(measured, sample, scale, best, known)
 
 
 def check_enough(sample: Sample) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from pipeline.calibrate.walkers.known_lengths import KnownLengths
+from pipeline.calibrate.walkers.known_lengths import GAIT_STD, USUAL_M, KnownLengths
 from pipeline.calibrate.walkers.model import Sample
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import SizePrior
@@ -30,10 +30,6 @@ MAX_PER_TRACK = 40  # more of a track's frames say the same thing again
 # Chance leaves the mean stature of so many uncertain by 0.09 / sqrt(150) m = 7 mm, a seventh of
 # `POPULATION_MEAN_STD_M`; a day has tens of thousands, and the fit's time grows faster than their number.
 MAX_PEOPLE = 150
-# A walker's head rises and falls by about 2 cm either side, and the box's foot is now one foot, now
-# the other (Whittle, Gait Analysis: vertical excursion of the trunk 46 mm).
-GAIT_STD = 0.02  # of the stature
-USUAL_M = 1.7
 USUAL_TILT_RAD = np.deg2rad(20.0)  # before there is one
 
 _NOBODY = np.empty(0, dtype=np.int64)
