@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import importlib
 import os
-import pickle
 import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from typing import Any, BinaryIO
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from typing import Any
 
 from pipeline.core.errors import StadimeterError
 
@@ -38,23 +39,24 @@ def call_apart(
         Died: the process ended without a result.
         StadimeterError: the function raised it.
     """
-    task = pickle.dumps((function.__module__, function.__qualname__, arguments, sys.path))
+    here, there = Pipe()
     with (
+        here,
         tempfile.TemporaryFile() as said,
         subprocess.Popen(  # noqa: S603  (this very Python)
-            [sys.executable, "-m", __name__],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
+            [sys.executable, "-m", __name__, str(there.fileno())],
+            stdin=subprocess.DEVNULL,
+            stdout=said,
             stderr=said,
+            pass_fds=[there.fileno()],
             env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         ) as child,
     ):
-        assert child.stdin is not None and child.stdout is not None  # noqa: S101, PT018
+        there.close()  # so that its end is seen here
         try:
-            with child.stdin as stdin:
-                stdin.write(task)
-            return _heard(child.stdout, report)
-        except (EOFError, BrokenPipeError, pickle.UnpicklingError):
+            here.send((function.__module__, function.__qualname__, arguments, sys.path))
+            return _heard(here, report)
+        except (EOFError, OSError):
             code = child.wait()
             said.seek(0)
             raise Died(_how(code, said.read()[-2000:])) from None
@@ -62,9 +64,9 @@ def call_apart(
             child.kill()
 
 
-def _heard(stream: BinaryIO | Any, report: Callable[[Any], None]) -> Any:
+def _heard(connection: Connection, report: Callable[[Any], None]) -> Any:
     while True:
-        kind, content = pickle.load(stream)  # noqa: S301  (our own child)
+        kind, content = connection.recv()
         if kind == _RESULT:
             return content
         if kind == _ERROR:
@@ -85,23 +87,16 @@ def _how(code: int, said: bytes) -> str:
 
 
 def _main() -> None:
-    # Libraries print what they like; the results have a way of their own.
-    results = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
-
-    def send(kind: str, content: object) -> None:
-        results.write(pickle.dumps((kind, content)))
-        results.flush()
-
-    module, name, arguments, path = pickle.load(sys.stdin.buffer)  # noqa: S301  (our own parent)
+    connection = Connection(int(sys.argv[1]))
+    module, name, arguments, path = connection.recv()
     sys.path[:] = path
     function = getattr(importlib.import_module(module), name)
     try:
-        result = function(*arguments, lambda content: send(_REPORT, content))
+        result = function(*arguments, lambda content: connection.send((_REPORT, content)))
     except StadimeterError as error:
-        send(_ERROR, error)
+        connection.send((_ERROR, error))
     else:
-        send(_RESULT, result)
+        connection.send((_RESULT, result))
 
 
 if __name__ == "__main__":
