@@ -173,6 +173,15 @@ TRACK_HEIGHTS = _schema(
     ("doubt_share", _F32),
 )
 
+TRACK_CADENCES = _schema(
+    ("camera", _TEXT),
+    ("track_id", _I32),
+    ("cadence_hz", _F64),
+    ("cadence_std_hz", _F64),
+    ("window_count", _I32),
+    ("speed_m_s", _F64),
+)
+
 OBSERVATION_QUALITY = _schema(
     ("observation_index", _I32),
     ("quality", _F64),
@@ -251,5 +260,6 @@ PASS_TWO = {
     "estimates": ESTIMATES,
     "track_heights": TRACK_HEIGHTS,
     "observation_quality": OBSERVATION_QUALITY,
+    "track_cadences": TRACK_CADENCES,
     "calibrations": CALIBRATIONS,
 }

@@ -111,8 +111,17 @@ def measured_of(
         exposure_time_s=number("exposure_time_s"),
         blur_sigma_px=number("blur_sigma_px"),
         blur_std_px=number("blur_std_px"),
+        filled=~np.asarray(table["measured"].fill_null(True)).astype(np.bool_),
+        raw_bbox_xyxy_px=_raw_boxes(table),
         others=None if others is None or not others.num_rows else _other_boxes(others),
     )
+
+
+def _raw_boxes(table: pa.Table) -> FloatArray:
+    """Return boxes as they were found, (n, 4), before tracks were smoothed."""
+    sides = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")
+    columns = [pa.compute.coalesce(table[f"raw_{s}"], table[s]).to_numpy() for s in sides]
+    return np.stack(columns, axis=1).astype(np.float64)
 
 
 def _other_boxes(table: pa.Table) -> OtherBoxes:
