@@ -2,8 +2,8 @@
 
 The head rises and falls once a step, and from the side the legs open and close once a step, so the upper
 edge and the width of a box swing at the cadence. In windows of a few seconds both are fitted with a
-sinusoid after the slow change of the way is taken out; noise beside which the swing must stand out is that
-of a first-order autoregressive process (box errors last from frame to frame). Cadence tells about clocks,
+sinusoid after the slow change of the way is taken out; the noise beside which the swing must stand out is
+a first-order autoregressive process (box errors last from frame to frame). Cadence tells about clocks,
 and beside a prior of statures it adds nothing to the scale.
 """
 
@@ -12,16 +12,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from pipeline.core.arrays import FloatArray, IntArray
 from pipeline.core.tables import TRACK_CADENCES
 from pipeline.estimate.gait import WALKER
 from pipeline.estimate.types import Measured
 
-# Adults walk at 1.3 to 2.6 steps a second (Whittle, Gait Analysis: 91-138 steps a minute at free speed). The
-# search is wider, so that clocks that are wrong show: a cadence out here is found and is none.
+# Adults walk at 1.3 to 2.6 steps a second (Whittle, Gait Analysis: 91-138 steps a minute at free speed,
+# and some hurry). The search is wider, so that clocks that are wrong show.
 CADENCES_HZ = (1.3, 2.6)
 SEARCH_HZ = np.arange(0.9, 3.81, 0.02)
 WINDOW_S = 5.0
@@ -29,7 +29,7 @@ MIN_SPAN_S = 3.0  # of the boxes in a window
 MIN_IN_WINDOW = 16
 MIN_RATE_HZ = 5.0  # fewer boxes a second show no steps
 NYQUIST_SHARE = 0.45  # of the rate of the boxes, up to which a swing can be told from its mirror
-FALSE_ALARM = 1e-3  # of windows without steps that seem to have a cadence
+FALSE_ALARM = 1e-5
 # Windows of one walker agree to some per cent; one that is farther off saw something else.
 AGREE = 0.12
 PACE_STD = 0.02  # relative: nobody walks more evenly from one window to the next
@@ -63,12 +63,21 @@ def cadences(m: Measured, speed_m_s: FloatArray | None = None) -> pa.Table:
         summary = _of_track(found_hz[mine], std_hz[mine])
         if summary is not None:
             rows.append((m.camera, int(track), *summary, _speed(m, int(track), speed_m_s)))
-    columns = list(zip(*rows, strict=True)) or [[] for _ in TRACK_CADENCES]
+    if not rows:
+        return TRACK_CADENCES.empty_table()
+    columns = zip(*rows, strict=True)
     arrays = [
         pa.array(c, type=f.type, from_pandas=True)
         for c, f in zip(columns, TRACK_CADENCES, strict=True)
     ]
     return pa.Table.from_arrays(arrays, schema=TRACK_CADENCES)
+
+
+def possible(found: pa.Table) -> pa.Table:
+    """Return the rows whose cadence is one at which people walk."""
+    low, high = CADENCES_HZ
+    hz = found["cadence_hz"]
+    return found.filter(pc.and_(pc.greater_equal(hz, low), pc.less_equal(hz, high)))
 
 
 def _speed(m: Measured, track: int, speed_m_s: FloatArray | None) -> float | None:
@@ -141,19 +150,16 @@ def _level(t: FloatArray, there: FloatArray, y: FloatArray) -> FloatArray:
 def _swing(windows: _Windows) -> tuple[FloatArray, FloatArray]:
     """Return the frequency of each window's swing and its deviation, (w,); NaN where noise would do.
 
-    By Whittle's likelihood the evidence for a sinusoid of amplitude A in n values with noise of spectral
-    density S is n A^2 / (4 S), which of noise alone is exponentially distributed; that of two signals adds.
+    By Whittle's likelihood the evidence for a sinusoid of amplitude A in n values with noise of density S
+    is n A^2 / (4 S), which of noise alone is exponentially distributed; that of two signals adds.
     """
     count = windows.there.sum(axis=1)
     rate = (count - 1) / np.ptp(windows.time_s, axis=1)
     evidence = np.zeros((len(count), len(SEARCH_HZ)))
-    sharp = np.zeros_like(evidence)
     for y in windows.signals:
         square = _square_amplitudes(windows, y)
         noise = _noise(windows, y, rate, square)
-        part = count[:, None] * square / (4 * noise)
-        evidence += part
-        sharp += part
+        evidence += count[:, None] * square / (4 * noise)
     evidence[SEARCH_HZ[None, :] > NYQUIST_SHARE * rate[:, None]] = 0.0
     best = evidence.argmax(axis=1)
     most = evidence.max(axis=1)
@@ -186,9 +192,7 @@ def _square_amplitudes(windows: _Windows, y: FloatArray) -> FloatArray:
     return square
 
 
-def _noise(
-    windows: _Windows, y: FloatArray, rate: FloatArray, square: FloatArray
-) -> FloatArray:
+def _noise(windows: _Windows, y: FloatArray, rate: FloatArray, square: FloatArray) -> FloatArray:
     """Return the spectral density of the noise a value, (w, f): AR(1), the strongest swing left out."""
     count = windows.there.sum(axis=1)
     strongest = SEARCH_HZ[square.argmax(axis=1)][:, None]
@@ -201,5 +205,3 @@ def _noise(
     angle = 2 * np.pi * SEARCH_HZ[None, :] / rate[:, None]
     shape = (1 - lag**2) / (1 - 2 * lag * np.cos(angle) + lag**2)
     return np.asarray(power[:, None] * shape)
-
-

@@ -17,6 +17,7 @@ from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.boxes.joint_slopes import log_slopes
 from pipeline.estimate.boxes.quality import Quality, assess, with_track
 from pipeline.estimate.boxes.reach import with_reach
+from pipeline.estimate.cadence import cadences
 from pipeline.estimate.fusion import fused
 from pipeline.estimate.fusion.one_person import with_doubt
 from pipeline.estimate.fusion.smooth_heights import smooth_heights
@@ -154,6 +155,7 @@ def estimate_tracks(measured: Measured, config: Config, remarks: Remarks) -> Row
         pa.concat_tables([ESTIMATES.empty_table(), *rows]),
         pa.concat_tables([TRACK_HEIGHTS.empty_table(), *heights]),
         quality.table(measured),
+        cadences(measured, made[FUSED].speed_m_s if FUSED in made else None),
     )
 
 

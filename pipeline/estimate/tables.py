@@ -14,6 +14,7 @@ from pipeline.core.calibration import Calibration
 from pipeline.core.camera_row import CameraRow, camera_rows
 from pipeline.core.records import GroundPlane
 from pipeline.core.tables import CALIBRATIONS, ESTIMATES
+from pipeline.estimate.cadence import possible
 from pipeline.estimate.types import Estimated, Measured, OtherBoxes
 
 
@@ -24,6 +25,7 @@ class Rows:
     estimates: pa.Table
     track_heights: pa.Table
     quality: pa.Table
+    cadences: pa.Table
 
     def by_table(self) -> dict[str, pa.Table]:
         """Return them by the name of their table."""
@@ -31,6 +33,7 @@ class Rows:
             "estimates": self.estimates,
             "track_heights": self.track_heights,
             "observation_quality": self.quality,
+            "track_cadences": possible(self.cadences),
         }
 
 

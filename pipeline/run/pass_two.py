@@ -26,9 +26,11 @@ from pipeline.core.camera_row import CameraRow, camera_rows
 from pipeline.core.config import CameraConfig, Config
 from pipeline.core.errors import CalibrationUndetermined
 from pipeline.core.records import Diagnostic, FoundLens, GroundPlane, Severity
+from pipeline.core.tables import TRACK_CADENCES
 from pipeline.estimate.estimate_tracks import Remarks, camera_blur, estimate_tracks
 from pipeline.estimate.tables import Rows
 from pipeline.estimate.track_batches import Tracks
+from pipeline.run.clock_notes import clock_notes
 from pipeline.run.exposure_notes import exposure_notes
 from pipeline.run.people_check import lens_by_people, people_of, refused_pose
 from pipeline.run.scale_notes import scale_notes
@@ -79,9 +81,12 @@ def estimate_recording(
             set_pose(store, recording_id, row.camera, plane)
         if camera.row != row:
             set_lens(store, recording_id, camera.row)
+        cadences = [TRACK_CADENCES.empty_table()]
         for some, camera.plane in parts_of(mine, stands, plane):
             for rows in _estimated(camera, some, here, remarks, batch):
                 add_estimates(store, recording_id, run_id, rows.by_table())
+                cadences.append(rows.cadences)
+        remarks.add(clock_notes(row.camera, pa.concat_tables(cadences), plane, here))
         remarks.add(scale_notes(row.camera, plane, mine, here))
     add_calibrations(store, remarks.calibrations(), run_id)
     add_diagnostics(store, remarks.diagnostics(), recording_id, run_id, file_name)

@@ -18,11 +18,12 @@ RECORDING_TABLES = (
     "estimates",
     "track_heights",
     "observation_quality",
+    "track_cadences",
 )
 # Tables with rows of files of truth too, which stay when a recording is measured again.
 TRUTH_TABLES = ("ground_truth", "labelled_frames", "ignore_regions")
 # Tables of pass 2 with rows of a recording and a run.
-ESTIMATE_TABLES = ("estimates", "track_heights", "observation_quality")
+ESTIMATE_TABLES = ("estimates", "track_heights", "observation_quality", "track_cadences")
 # Order of rows as they go in, so that a recording's, a camera's and a time's lie together.
 ROW_ORDER = {
     "frames": "camera, frame_index",
@@ -33,6 +34,7 @@ ROW_ORDER = {
     "estimates": "method, observation_index",
     "track_heights": "method, camera, track_id",
     "observation_quality": "observation_index",
+    "track_cadences": "camera, track_id",
 }
 
 

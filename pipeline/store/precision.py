@@ -25,6 +25,7 @@ DECIMALS: dict[str, dict[str, int]] = {
         **dict.fromkeys(("score", "occlusion", "luminance"), 5),
     },
     "observation_quality": {"quality": 5, "stride_phase_rad": 4},
+    "track_cadences": {"cadence_hz": 4, "cadence_std_hz": 5, "speed_m_s": 4},
     "estimates": {
         **dict.fromkeys(("depth_m", "height_m", "range_m", "x_m", "y_m"), 4),
         **dict.fromkeys(("depth_std_m", "height_std_m"), 5),

@@ -377,6 +377,26 @@ COMMENT ON COLUMN track_heights.posture_share IS 'Share that gait and feet of th
 COMMENT ON COLUMN track_heights.doubt_share IS 'Share that the doubt makes that the track is one person.';
 COMMENT ON COLUMN track_heights.observation_count IS 'Number of estimates that were used.';
 
+CREATE TABLE IF NOT EXISTS track_cadences (
+    recording_id      VARCHAR NOT NULL,
+    run_id            VARCHAR NOT NULL,
+    camera            VARCHAR NOT NULL,
+    track_id          INTEGER NOT NULL,
+    cadence_hz        DOUBLE,
+    cadence_std_hz    DOUBLE,
+    window_count      INTEGER,
+    speed_m_s         DOUBLE
+);
+COMMENT ON TABLE track_cadences IS 'One row for each run and track of a person whose cadence can be read: from boxes that were measured, at 5 frames a second or more, in windows of 5 s. Most tracks have none.';
+COMMENT ON COLUMN track_cadences.recording_id IS 'The recording.';
+COMMENT ON COLUMN track_cadences.run_id IS 'The run that read it.';
+COMMENT ON COLUMN track_cadences.camera IS 'The camera.';
+COMMENT ON COLUMN track_cadences.track_id IS 'The track.';
+COMMENT ON COLUMN track_cadences.cadence_hz IS 'Steps a second, 1.3 to 2.6: the frequency at which the upper edge and the width of the box swing (pipeline/estimate/cadence.py).';
+COMMENT ON COLUMN track_cadences.cadence_std_hz IS 'Standard deviation of cadence_hz.';
+COMMENT ON COLUMN track_cadences.window_count IS 'Number of windows of 5 s that show it.';
+COMMENT ON COLUMN track_cadences.speed_m_s IS 'Median speed on the ground along the track; NULL where the pose is unknown.';
+
 CREATE TABLE IF NOT EXISTS observation_quality (
     recording_id      VARCHAR NOT NULL,
     run_id            VARCHAR NOT NULL,

@@ -1,0 +1,106 @@
+"""Diagnostics where the cadence of people says that the clock, or a given scale, cannot be right.
+
+People take 1.9 steps a second, and at that cadence walk at 1.385 m/s; speed goes as cadence^1.5. A clock
+that runs r times too fast multiplies cadence and speed by r, so that speed falls behind cadence^1.5 by
+r^-0.5; a scale that is s times too large multiplies speed alone. Both are compared with what is found.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.core.config import Config
+from pipeline.core.records import Diagnostic, GroundPlane, Severity
+
+# Free walking out of doors: studies have means of 1.80 to 2.00 steps a second (Pachi and Ji 2005,
+# Zivanovic 2005, Matsumoto 1978, Bachmann 1987), people within one a deviation of 0.11 to 0.19.
+CADENCE_HZ, CADENCE_GROUP_STD, CADENCE_PERSON_STD = 1.9, 0.05, 0.09
+# Speed beside cadence, on surveyed cameras: 1.385 m/s (cadence / 1.9 Hz)^1.5. Its deviations are of one
+# person (stature and habit), and of the mean of those who are at one place; relative.
+SPEED_M_S, EXPONENT = 1.385, 1.5
+SPEED_PERSON_STD, SPEED_GROUP_STD = 0.11, 0.04
+GIVEN_SCALE_STD = 0.02  # of a surveyed pose
+MIN_TRACKS = 4
+ALARM = 3.0**2  # by which the explanation must be better than none
+MEDIAN = 1.25  # the deviation of a median over that of a mean
+
+
+def clock_notes(
+    camera: str, cadences: pa.Table, plane: GroundPlane | None, config: Config
+) -> list[Diagnostic]:
+    """Return a note if the clock of the frames, or the scale of a given pose, is impossible.
+
+    Args:
+        camera: its name.
+        cadences: its rows of `track_cadences`, those of impossible cadences among them.
+        plane: its pose, None if unknown.
+        config: the configuration of this camera (`Config.of_camera`).
+    """
+    hz = np.asarray(cadences["cadence_hz"].to_numpy(), dtype=np.float64)
+    if len(hz) < MIN_TRACKS:
+        return []
+    speed = np.asarray(cadences["speed_m_s"].to_numpy(), dtype=np.float64)
+    if plane is None:
+        speed = np.full(len(hz), np.nan)
+    fast, fast_std = _median(np.log(hz / CADENCE_HZ), CADENCE_GROUP_STD, CADENCE_PERSON_STD)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        beside = np.log(speed / SPEED_M_S) - EXPONENT * np.log(hz / CADENCE_HZ)
+    far, far_std = _median(beside[np.isfinite(beside)], SPEED_GROUP_STD, SPEED_PERSON_STD)
+    far_std = math.hypot(far_std, _scale_std(plane, config))
+    nothing = (fast / fast_std) ** 2 + (far / far_std) ** 2
+    # One factor of the clock for both: least squares of fast = r, far = (1 - 1.5) r.
+    lag = 1 - EXPONENT
+    weight = fast_std**-2 + (lag / far_std) ** 2
+    clock = (fast / fast_std**2 + lag * far / far_std**2) / weight
+    by_clock = ((fast - clock) / fast_std) ** 2 + ((far - lag * clock) / far_std) ** 2
+    by_scale = (fast / fast_std) ** 2
+    if nothing - by_clock > ALARM and by_clock <= by_scale:
+        return [_clock(camera, hz, math.exp(clock), weight**-0.5)]
+    given = plane is not None and plane.source != "walkers"
+    if given and nothing - by_scale > ALARM:
+        return [_scale(camera, hz, math.exp(far), far_std)]
+    return []
+
+
+def _median(values: np.ndarray, group_std: float, person_std: float) -> tuple[float, float]:
+    """Return the median of the people here, and its deviation from that of people anywhere."""
+    if len(values) < MIN_TRACKS:
+        return 0.0, 1e3
+    return float(np.median(values)), math.hypot(
+        group_std, MEDIAN * person_std / math.sqrt(len(values))
+    )
+
+
+def _scale_std(plane: GroundPlane | None, config: Config) -> float:
+    prior = config.stature
+    if plane is None or plane.source != "walkers" or prior is None:
+        return GIVEN_SCALE_STD
+    return prior.mean_uncertainty_m / prior.mean_m
+
+
+def _clock(camera: str, hz: np.ndarray, factor: float, std: float) -> Diagnostic:
+    return Diagnostic(
+        Severity.WARNING,
+        "frame_rate_contradicted",
+        f"{len(hz)} people take {np.median(hz):.2f} steps a second, which does not go with "
+        f"how people walk: the clock of the frames seems to run {factor:.2f} \u00b1 "
+        f"{factor * std:.2f} times as fast as it should (one standard error). Depths and heights do not depend on it, speeds do; import the video again "
+        "with its true frame rate",
+        camera=camera,
+        count=len(hz),
+    )
+
+
+def _scale(camera: str, hz: np.ndarray, factor: float, std: float) -> Diagnostic:
+    return Diagnostic(
+        Severity.WARNING,
+        "scale_contradicted",
+        f"{len(hz)} people who take {np.median(hz):.2f} steps a second would walk {factor:.2f} \u00b1 "
+        f"{factor * std:.2f} times as fast as people do: distances by the given pose "
+        "seem too large by that factor (one standard error). Check the unit and the height of the camera",
+        camera=camera,
+        count=len(hz),
+    )
