@@ -87,7 +87,8 @@ def _clock(camera: str, hz: np.ndarray, factor: float, std: float) -> Diagnostic
         "frame_rate_contradicted",
         f"{len(hz)} people take {np.median(hz):.2f} steps a second, which does not go with "
         f"how people walk: the clock of the frames seems to run {factor:.2f} \u00b1 "
-        f"{factor * std:.2f} times as fast as it should (one standard error). Depths and heights do not depend on it, speeds do; import the video again "
+        f"{factor * std:.2f} times as fast as it should (one "
+        "standard error). Depths and heights do not depend on it, speeds do; import the video again "
         "with its true frame rate",
         camera=camera,
         count=len(hz),
