@@ -100,11 +100,16 @@ class Results:
             UsageError: there is none of that name.
         """
         known = name.removeprefix("main.")
-        if known not in {view.name for view in self._store.views()}:
+        names = [view.name for view in self._store.views()]
+        if known not in names:
+            from pipeline.store.catalog import like
+
+            meant = like(known, names)
             raise UsageError(
                 f"there is no view or table {name!r}",
                 where=Where(self.path),
-                remedy="`stadimeter query --list` and `Results.catalog()` show them",
+                remedy=(f"Did you mean {meant}? " if meant else "")
+                + "`stadimeter query --list` and `Results.catalog()` show them",
             )
         return self.query(f"FROM {known}")  # one of the catalogue's own names
 
@@ -135,8 +140,12 @@ class Results:
         return f"<Results in {self.path}>"
 
 
-def open(db: PathLike) -> Results:
+def open(db: PathLike, *, allow_files: bool = False) -> Results:
     """Open a database, or a folder that `measure_parts` wrote, for questions.
+
+    Args:
+        db: the database or folder.
+        allow_files: let questions read other files: `FROM 'mine.csv'`. A database only.
 
     Raises:
         StoreError: there is none, it is of another version, or another process is writing to it.
@@ -145,6 +154,12 @@ def open(db: PathLike) -> Results:
     from pipeline.store.database import Store
 
     path = Path(db)
+    if allow_files:
+        if path.is_dir():
+            raise UsageError(
+                "files can be read beside a database only, not beside a folder of parts"
+            )
+        return Results(Store.open_with_files(path))
     return Results(open_shared(path) if path.is_dir() else Store.open(path, read_only=True))
 
 

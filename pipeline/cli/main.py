@@ -87,7 +87,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="stadimeter",
         description="Distances and heights, with intervals, of what recorded footage shows.",
     )
-    parser.add_argument("--version", action="version", version=f"stadimeter {__version__}")
+    parser.add_argument("-V", "--version", action="version", version=f"stadimeter {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     for command in COMMANDS:
         command.add(commands)

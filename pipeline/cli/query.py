@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import sys
+from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -27,6 +28,11 @@ def add(commands: Commands) -> None:
     parser.add_argument("--parts", type=Path, metavar="DIR", help="ask a folder of `run --parts`")
     parser.add_argument("--view", metavar="NAME", help="all rows of a view or table")
     parser.add_argument("--list", action="store_true", help="tables and views, what they answer")
+    parser.add_argument(
+        "--allow-files",
+        action="store_true",
+        help="let the question read your own files: JOIN 'mine.csv' (default: the database only)",
+    )
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--csv", action="store_true")
     form.add_argument("--json", action="store_true")
@@ -38,7 +44,9 @@ def call(arguments: argparse.Namespace) -> int:
     """Run the command; return its exit code."""
     if sum((arguments.sql is not None, arguments.view is not None, arguments.list)) != 1:
         raise UsageError("give one of SQL, --view NAME or --list")
-    table = answer(arguments.db, arguments.sql, arguments.view, arguments.parts)
+    table = answer(
+        arguments.db, arguments.sql, arguments.view, arguments.parts, arguments.allow_files
+    )
     if arguments.csv:
         write_csv(table, sys.stdout)
     elif arguments.json:
@@ -52,7 +60,11 @@ def call(arguments: argparse.Namespace) -> int:
 
 
 def answer(
-    database: Path, sql: str | None, view: str | None, parts: Path | None = None
+    database: Path,
+    sql: str | None,
+    view: str | None,
+    parts: Path | None = None,
+    allow_files: bool = False,
 ) -> pa.Table:
     """Return the result of a statement, all rows of a view, or, without either, the catalogue.
 
@@ -64,7 +76,7 @@ def answer(
     """
     import stadimeter
 
-    with stadimeter.open(database if parts is None else parts) as results:
+    with stadimeter.open(database if parts is None else parts, allow_files=allow_files) as results:
         if sql is not None:
             return results.query(sql).arrow()
         return (results.catalog() if view is None else results.view(view)).arrow()
@@ -93,6 +105,13 @@ def write_json(table: pa.Table, stream: TextIO) -> None:
 
 
 def _plain(value: object) -> object:
+    """Return a value as JSON has it, lists and structures with all that is in them."""
+    if isinstance(value, Decimal):  # sums of whole numbers, too
+        return int(value) if value == value.to_integral_value() else float(value)
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

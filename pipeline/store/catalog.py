@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import NamedTuple
 
 import duckdb
@@ -46,3 +48,11 @@ class View(NamedTuple):
 def views(connection: duckdb.DuckDBPyConnection) -> list[View]:
     """Return tables, views and table macros: those of `main` first, then by name."""
     return [View(*row) for row in connection.execute(_VIEWS).fetchall()]
+
+
+def like(name: str, names: Iterable[str]) -> str:
+    """Return the name that one without its schema, or with a slip, stands for; empty if there is none."""
+    known = [one.partition("(")[0] for one in names]
+    wanted = name.lower().removeprefix("main.")
+    bare = [one for one in known if one.rpartition(".")[2] == wanted.rpartition(".")[2]]
+    return next(iter(bare or get_close_matches(wanted, known, n=1)), "")

@@ -20,6 +20,9 @@ from pipeline.store.schema import SCHEMA_VERSION
 # been taken in and estimated with this. Readers take what they need.
 WRITING_MEMORY = "64MB"
 WRITING_THREADS = 4  # each wants a share of the memory, and there is little for many to do
+# New files are of the format that DuckDB has written since 1.2, which the command line and the libraries
+# that people have can open; a file that is there keeps its own.
+_STORAGE = {"storage_compatibility_version": "v1.2.0"}
 CONFIG = {
     "autoinstall_known_extensions": "false",
     "autoload_known_extensions": "false",
@@ -29,10 +32,13 @@ CONFIG = {
 }
 
 
-def connect(path: Path, *, read_only: bool, roomy: bool = False) -> duckdb.DuckDBPyConnection:
+def connect(
+    path: Path, *, read_only: bool, roomy: bool = False, files: bool = False
+) -> duckdb.DuckDBPyConnection:
     """Open a stadimeter database; a missing one is created, empty, if it is to be written.
 
-    Who writes and also reads much at once (a timeline, a calibration) wants it `roomy`.
+    Who writes and also reads much at once (a timeline, a calibration) wants it `roomy`. With `files`,
+    statements can reach other files; extensions, and with them the network, stay out.
 
     Raises:
         StoreError: there is none, it is something else or of another version, or it is held.
@@ -50,7 +56,8 @@ def connect(path: Path, *, read_only: bool, roomy: bool = False) -> duckdb.DuckD
             if path.is_file() and path.stat().st_size == 0:
                 path.unlink()  # what a killed run or `touch` leaves is a new database
         small = not read_only and not roomy
-        config = CONFIG | (_small() if small else {})
+        config = CONFIG | (_small() if small else {}) | ({} if read_only else _STORAGE)
+        config |= {"enable_external_access": "true"} if files else {}
         connection = duckdb.connect(str(path), read_only=read_only, config=config)
     except (duckdb.Error, OSError) as error:
         raise _explained(str(error), where) from error

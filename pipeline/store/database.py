@@ -7,6 +7,7 @@ reach SQL as parameters or as Arrow columns, never as text. What goes in and out
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,7 +17,7 @@ import duckdb
 import pyarrow as pa
 
 from pipeline.core.errors import RowsRefused, StoreError, UsageError, Where
-from pipeline.store.catalog import View, views
+from pipeline.store.catalog import View, like, views
 from pipeline.store.columns import RECORDING_TABLES, ROW_ORDER
 from pipeline.store.connection import connect
 from pipeline.store.schema import apply_schema, is_current
@@ -39,6 +40,18 @@ class Store:
         self.path = path
         self.connection = connection  # for the functions of this folder
         self._in_transaction = False
+        self._reads_files = False
+
+    @classmethod
+    def open_with_files(cls, path: Path) -> Store:
+        """Open a database for questions that may also read other files, such as a user's own CSV.
+
+        Raises:
+            StoreError: as `open`.
+        """
+        store = cls(connect(path, read_only=True, files=True), path)
+        store._reads_files = True
+        return store
 
     @classmethod
     def open(cls, path: Path, *, read_only: bool = False, roomy: bool = False) -> Store:
@@ -169,6 +182,8 @@ class Store:
             statements = cursor.extract_statements(sql)
             if len(statements) != 1:
                 raise UsageError("one SQL statement is needed", remedy="Run them one by one")
+            if self._reads_files and statements[0].type != duckdb.StatementType.SELECT:
+                raise UsageError("with files of your own, a question is one SELECT")
             if statements[0].type in _WRITING_FILES:
                 raise UsageError("a question writes no file", remedy="`--parquet FILE` does")
             cursor.execute("BEGIN TRANSACTION READ ONLY")
@@ -178,11 +193,18 @@ class Store:
                 raise UsageError("the statement has no rows to show", remedy="Give a SELECT")
             return relation.to_arrow_table()
         except duckdb.Error as error:
-            raise UsageError(
-                f"DuckDB: {error}", remedy="`stadimeter query --list` shows tables and views"
-            ) from error
+            raise UsageError(f"DuckDB: {error}", remedy=self._hint(str(error))) from error
         finally:
             cursor.close()
+
+    def _hint(self, error: str) -> str:
+        """Return what to do about an error of DuckDB: the name that was meant, or where names are."""
+        listed = "`stadimeter query --list` shows tables and views"
+        missing = re.search(r"(?:Table|View) with name (\S+) does not exist", error)
+        meant = like(missing[1], [view.name for view in self.views()]) if missing else ""
+        if not meant and "disabled" in error:
+            return "`query --allow-files` lets a question read your own CSV and Parquet files"
+        return f"Did you mean {meant}? {listed}" if meant else listed
 
     def views(self) -> list[View]:
         """Return tables, views and table macros, with comments and columns."""
