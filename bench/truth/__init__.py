@@ -1,0 +1,1 @@
+"""Accuracy on recordings with truth that are not in the repository."""
