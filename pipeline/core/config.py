@@ -349,6 +349,24 @@ class Config:
         )
         return replace(self, camera=cameras)
 
+    def naming(self, camera: str, topic: str | None) -> Config:
+        """Return the configuration with what it states of a topic stated of the camera on it.
+
+        An entry that names the camera itself goes first.
+        """
+        if topic is None or topic == camera:
+            return self
+        named = any(c.name == camera for c in self.camera)
+        cameras = tuple(
+            replace(c, name=camera) if c.name == topic and not named else c for c in self.camera
+        )
+        fitted = tuple(
+            replace(c, camera=camera) if c.camera == topic else c for c in self.calibration
+        )
+        if repr(cameras) == repr(self.camera) and fitted == self.calibration:
+            return self
+        return replace(self, camera=cameras, calibration=fitted)
+
     def camera_named(self, name: str) -> CameraConfig:
         """Return the entry of a camera, or an empty one."""
         return next((c for c in self.camera if c.name == name), CameraConfig(name))

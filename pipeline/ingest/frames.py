@@ -19,6 +19,7 @@ from pipeline.core.records import Diagnostic, Frame, LensClaim, Pairing, Severit
 from pipeline.images.exif import exif_block, exposure_of, read_tags
 from pipeline.images.header import image_size
 from pipeline.ingest.access_units import Times
+from pipeline.ingest.cameras import Cameras, Why
 from pipeline.ingest.clocks import CameraClock
 from pipeline.ingest.lanes import Lanes
 from pipeline.ingest.lens_readings import NO_LENS, Found, LensReadings
@@ -37,7 +38,7 @@ from pipeline.ingest.pose import BODY_FRAME, MOVING, CameraPose, TransformTree, 
 from pipeline.ingest.sample_bits import SampleBits
 from pipeline.ingest.sources import Channels, Source
 from pipeline.ingest.video_stream import Out
-from pipeline.ingest.videos import Videos
+from pipeline.ingest.videos import OfCamera, Videos
 from pipeline.ingest.waiting import Waiting, WaitingRoom
 from pipeline.mcap_file.reader import MAX_TIME_NS, McapFile, RawMessage
 from pipeline.messages.content import Decoded, EncodedImage, Kind, VideoPacket
@@ -69,8 +70,9 @@ class FrameAssembler:
         self.file = file
         self.poses: dict[str, CameraPose] = {}  # by the recording's transforms
         self.moving: set[str] = set()  # cameras that have several poses
-        self.cameras: dict[str, str] = {}  # image topic -> camera
-        self.frame_ids: dict[str, str] = {}  # camera -> frame_id
+        self._names = Cameras(file.limits.cameras)
+        self.cameras = self._names.topics  # camera -> topic of its pictures
+        self.frame_ids = self._names.frame_ids  # camera -> frame_id
         self._notes = notes
         tolerance_ns = round(config.exposure_tolerance_s * 1e9)
         self._look_ahead_ns = max(tolerance_ns, round(config.reorder_s * 1e9))
@@ -98,6 +100,11 @@ class FrameAssembler:
     def has_detections(self, camera: str) -> bool:
         """Return whether recorded detections for a camera were seen so far."""
         return self._lanes.of_camera(Kind.DETECTIONS, camera) is not None
+
+    @property
+    def named_fields(self) -> set[tuple[str, str]]:
+        """Names of cameras and exposure fields that a camera file places, and that were read."""
+        return self._named.found
 
     @property
     def frames_lost(self) -> int:
@@ -191,48 +198,53 @@ class FrameAssembler:
         self._note(Severity.ERROR, code, problem, raw)
 
     def _camera(self, message: Decoded, raw: RawMessage) -> str | None:
-        """Return the camera of a picture; None if there are too many."""
-        topic = raw.channel.topic
-        if topic not in self.cameras:
-            if len(self.cameras) >= self._limits.cameras:
-                text = f"more than {self._limits.cameras} topics with pictures"
-                self._refuse(Kind.IMAGE, "too_many_cameras", text, raw)
-                return None
-            taken = message.frame_id in self.frame_ids
-            camera = topic if taken or not message.frame_id else message.frame_id
-            self.cameras[topic] = camera
-            self.frame_ids[camera] = message.frame_id
+        """Return the camera of a picture; None, and tell why, if it is not measured."""
+        topic, known = raw.channel.topic, len(self._names.topics)
+        found = self._names.find(topic, message.frame_id)
+        if len(self._names.topics) != known:
             self._lanes.forget_choices()
-        return self.cameras[topic]
+        if found is Why.TOO_MANY:
+            text = f"more than {self._limits.cameras} cameras (topics and frame_ids of pictures)"
+            self._refuse(Kind.IMAGE, str(found), text, raw)
+            return None
+        if found is Why.SAME_CAMERA:
+            other = self._names.others[topic]
+            text = f"its pictures are of the camera {other!r}, whose pictures on "
+            text += f"{self.cameras[other]!r} are measured; those here are left out"
+            self._note(Severity.INFO, str(found), text, raw)
+            return None
+        return found
 
     def _enqueue_image(self, message: Decoded, image: EncodedImage, raw: RawMessage) -> None:
-        if self._camera(message, raw) is not None:
+        camera = self._camera(message, raw)
+        if camera is not None:
             image = self._bits.told(image, raw)
-            self._enqueue(image, Times(raw.log_time_ns, message.capture_time_ns), raw)
+            times = Times(raw.log_time_ns, message.capture_time_ns)
+            self._enqueue(camera, image, times, raw)
 
     def _enqueue_video(self, message: Decoded, packet: VideoPacket, raw: RawMessage) -> None:
-        if self._camera(message, raw) is None:
+        camera = self._camera(message, raw)
+        if camera is None:
             return
         times = Times(raw.log_time_ns, message.capture_time_ns)
         if not self._decode_video:
-            self._enqueue(EncodedImage(packet.codec, packet.data), times, raw)
+            self._enqueue(camera, EncodedImage(packet.codec, packet.data), times, raw)
             return
         try:
-            for out in self._videos.decode(packet, raw, times):
+            for out in self._videos.decode(packet, raw, times, camera):
                 self._enqueue_decoded(out)
         except MissingLibrary as error:
             self._refuse(Kind.VIDEO, "missing_library", str(error), raw)
         except UnsupportedChannel as error:
             self._refuse(Kind.VIDEO, "unsupported_channel", error.problem, raw)
 
-    def _enqueue_decoded(self, out: Out[RawMessage]) -> None:
+    def _enqueue_decoded(self, out: Out[OfCamera]) -> None:
         if out.problem:
             text = f"a frame of the video was left out: {out.problem}"
-            self._note(Severity.ERROR, "video_gap", text, out.item)
-        self._enqueue(out.image, out.times, out.item)
+            self._note(Severity.ERROR, "video_gap", text, out.item.raw)
+        self._enqueue(out.item.camera, out.image, out.times, out.item.raw)
 
-    def _enqueue(self, image: EncodedImage, times: Times, raw: RawMessage) -> None:
-        camera = self.cameras[raw.channel.topic]
+    def _enqueue(self, camera: str, image: EncodedImage, times: Times, raw: RawMessage) -> None:
         waiting = Waiting(
             times.log_time_ns,
             0,

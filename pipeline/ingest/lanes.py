@@ -13,7 +13,7 @@ class Lanes:
     """Values that wait for pictures: a lane for each kind, topic and frame_id.
 
     Args:
-        cameras: by topic of its pictures; it grows while the recording is read.
+        cameras: topic of the pictures by camera; it grows while the recording is read.
         frame_ids: by camera; it grows too.
         limit: how many values wait in one lane.
         most: how many lanes there may be.
@@ -65,7 +65,7 @@ class Lanes:
         same = [lane for lane in lanes if lane.frame_id and lane.frame_id == frame_id]
         known = set(self._frame_ids.values()) - {""}
         nameless = [lane for lane in lanes if lane.frame_id not in known]
-        topic = next(t for t, c in self._cameras.items() if c == camera)
+        topic = self._cameras[camera]
         candidates = same or nameless
         if not candidates:
             return None

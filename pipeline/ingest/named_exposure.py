@@ -23,6 +23,11 @@ class NamedExposure:
         self._limit = limit
         self._lanes: dict[str, dict[NamedNumber, Lane[float]]] = {}
 
+    @property
+    def found(self) -> set[tuple[str, str]]:
+        """Names of entries and of their fields of which a value was read."""
+        return {(name, number.field) for name, lanes in self._lanes.items() for number in lanes}
+
     def add(self, source: Source, raw: RawMessage) -> list[str]:
         """Keep the numbers of a message; return a sentence for each that is not there.
 

@@ -27,7 +27,7 @@ def pairing_notes(
     Args:
         lanes: all its sources.
         ways: how the values of each were paired, by `id` of the lane and camera.
-        cameras: by topic of their pictures.
+        cameras: topic of the pictures by camera.
     """
     for kind, lane in lanes:
         if kind not in TAKEN:
@@ -37,7 +37,7 @@ def pairing_notes(
             yield from _of_way(kind, lane, camera, way)
         lost = lane.added - lane.taken
         if lost and cameras:
-            yield _unpaired(kind, lane, lost, of_lane, sorted(set(cameras.values())))
+            yield _unpaired(kind, lane, lost, of_lane, sorted(cameras))
 
 
 def _of_way(kind: Kind, lane: Lane[Any], camera: str, way: Ways) -> Iterator[Diagnostic]:

@@ -1,8 +1,9 @@
-"""The video streams of a recording, by topic."""
+"""The video streams of a recording, by camera."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from pipeline.core.errors import UnsupportedChannel
 from pipeline.ingest.access_units import Times
@@ -11,17 +12,24 @@ from pipeline.mcap_file.reader import McapFile, RawMessage
 from pipeline.messages.content import VideoPacket
 
 
+class OfCamera(NamedTuple):
+    """A message of a video stream, without its bytes, and its camera."""
+
+    camera: str
+    raw: RawMessage
+
+
 class Videos:
     """Decodes packets in the order of the file; damage to the file is a gap in every stream."""
 
     def __init__(self, file: McapFile) -> None:
         self._file = file
-        self._streams: dict[str, VideoStream[RawMessage]] = {}
+        self._streams: dict[str, VideoStream[OfCamera]] = {}
         self._damage_seen = 0
 
     def decode(
-        self, packet: VideoPacket, raw: RawMessage, times: Times
-    ) -> Iterator[Out[RawMessage]]:
+        self, packet: VideoPacket, raw: RawMessage, times: Times, camera: str
+    ) -> Iterator[Out[OfCamera]]:
         """Yield the frames that are complete with a packet, each with its own message.
 
         Raises:
@@ -36,17 +44,17 @@ class Videos:
             self._damage_seen = self._file.damage_count
             for stream in self._streams.values():
                 yield from stream.lose()
-        topic = raw.channel.topic
-        known = self._streams.get(topic)
+        known = self._streams.get(camera)
         if known is None or known.codec != packet.codec:
             if known is not None:
                 yield from known.flush()
             known = VideoStream(packet.codec, self._file.limits.image_pixels)
-            self._streams[topic] = known
+            self._streams[camera] = known
         # What waits for its picture keeps its message, without the bytes.
-        yield from known.decode(packet.data, raw._replace(data=b""), times)
+        item = OfCamera(camera, raw._replace(data=b""))
+        yield from known.decode(packet.data, item, times)
 
-    def flush(self) -> Iterator[Out[RawMessage]]:
+    def flush(self) -> Iterator[Out[OfCamera]]:
         """Yield what the decoders still hold back at the end of the file."""
         for stream in self._streams.values():
             yield from stream.flush()

@@ -6,7 +6,6 @@ from collections import deque
 from concurrent.futures import Executor, Future
 
 from pipeline.core.arrays import BoolArray
-from pipeline.core.config import Config
 from pipeline.core.lens import Lens
 from pipeline.core.timing import Spent, StageTimes, Stopwatch
 from pipeline.measure.blur.widths import Blur, expected, measure_frame, unmeasured
@@ -20,8 +19,7 @@ BlurLater = Blur | Future[tuple[Blur, Spent]]
 class BlurQueue:
     """Frames whose blur is being measured: each holds a picture, so their number is bounded."""
 
-    def __init__(self, config: Config, times: StageTimes, threads: int) -> None:
-        self._config = config
+    def __init__(self, times: StageTimes, threads: int) -> None:
         self._times = times
         self._longest = 2 * threads + 2  # no more pictures than are decoded ahead
         self._running: deque[Future[tuple[Blur, Spent]]] = deque()
@@ -29,7 +27,7 @@ class BlurQueue:
     def submit(self, stage: CameraStage, seen: Seen, lens: Lens, pool: Executor) -> BlurLater:
         """Have the boxes of a frame measured whose lens data say that their blur tells anything."""
         with self._times.stage("measure"):
-            worth = expected(seen.boxes, lens, self._config, seen.frame.camera)
+            worth = expected(seen.boxes, lens, stage.config, seen.frame.camera)
             if not worth.any():
                 return unmeasured(len(seen.boxes), lens)
         blur = pool.submit(self._measure, stage, seen, worth, lens)
@@ -48,7 +46,7 @@ class BlurQueue:
                 seen.boxes,
                 worth,
                 lens,
-                self._config,
+                stage.config,
                 seen.frame.camera,
                 lambda: stage.decode_whole(seen.frame),
             )

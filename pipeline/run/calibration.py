@@ -252,6 +252,7 @@ def _of_recording(
     _check_single(known, len(seen))
     for row in camera_rows(store.read("cameras", recording_id)):
         name = row.camera
+        config = config.naming(name, row.topic)
         if name not in seen:
             continue
         lens = known_lens(row, _unposed(config.camera_named(name)))

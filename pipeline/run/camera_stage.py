@@ -58,6 +58,7 @@ class CameraStage:
     def __init__(
         self, config: Config, camera: str, topic: str, notes: Notes, *, recorded: bool
     ) -> None:
+        config = config.naming(camera, topic)
         self.camera = camera
         self.topic = topic
         self.detector: Detector = make_detector(
@@ -70,7 +71,7 @@ class CameraStage:
         self.intrinsics: Intrinsics | None = None
         self._intrinsics_source: str | None = None
         self._rectified: Intrinsics | None = None
-        self._config = config
+        self.config = config
         self._settings = config.camera_named(camera)
         self._notes = notes
         self._size_px = NO_SIZE
@@ -112,13 +113,13 @@ class CameraStage:
         return self._decode(frame, full_resolution=True)
 
     def _decode(self, frame: Frame, full_resolution: bool) -> Picture:
-        limits = self._config.limits
+        limits = self.config.limits
         return decode(
             frame.image,
             max_pixels=limits.image_pixels,
             max_scans=limits.image_scans,
             full_resolution=full_resolution,
-            min_side_px=self._config.detect.min_side_px,
+            min_side_px=self.config.detect.min_side_px,
             layout=frame.layout,
         )
 
@@ -153,7 +154,7 @@ class CameraStage:
         since_s = (frame.capture_time_ns - self._coloured_ns) / 1e9
         if picture is None or not len(boxes) or 0 <= since_s < COLOURED_EVERY_S:
             return None
-        if not self._config.track.offline or self.detector.name in AS_GIVEN:
+        if not self.config.track.offline or self.detector.name in AS_GIVEN:
             return None
         self._coloured_ns = frame.capture_time_ns
         return colours_of(picture, boxes.bbox_xyxy_px)

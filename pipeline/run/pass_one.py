@@ -5,7 +5,7 @@ ingest (a thread, ahead) -> decode (threads, ahead) -> detect -> track -> measur
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -25,6 +25,7 @@ from pipeline.parallel.opencv_threads import OpenCvThreads
 from pipeline.run.blur_queue import BlurLater, BlurQueue
 from pipeline.run.camera_stage import Decoded
 from pipeline.run.picture_stream import PictureStream
+from pipeline.run.unmatched import unmatched
 from pipeline.store.parquet_parts import PartWriter
 from pipeline.store.recordings import RecordingRow
 
@@ -71,7 +72,7 @@ def measure_recording(
     ):
         assembler = FrameAssembler(file, config.ingest, notes, config.camera)
         stream = PictureStream(assembler, config, notes, times, threads, opencv)
-        blurs = BlurQueue(config, times, threads)
+        blurs = BlurQueue(times, threads)
         return FirstPass(path, file, assembler, stream, blurs, notes, times, report).run(
             pool, writer
         )
@@ -128,6 +129,8 @@ class FirstPass:
             camera = stage.row(frame_id, pose, moves=stage.camera in moves)
             parts.write("cameras", camera_table([camera]))
         self._note_absences()
+        for note in self._unmatched():
+            self.notes.add(note)
         parts.write("diagnostics", diagnostics_table(list(self.notes)))
         return self._recording_row()
 
@@ -159,6 +162,12 @@ class FirstPass:
         fraction = min(byte_offset / max(self.file.size_bytes, 1), 1.0)
         slowest = self.times.slowest
         self.report(Progress(self.path.name, "measure", self.written.frames, fraction, slowest))
+
+    def _unmatched(self) -> Iterator[Diagnostic]:
+        """Yield notes on what the camera file states, and nothing in the recording matches."""
+        topics = {channel.topic for channel in self.file.channels.values()}
+        known, fields = self.assembler.cameras, self.assembler.named_fields
+        return unmatched(self.stream.entries, known, topics, fields)
 
     def _note_absences(self) -> None:
         """Say what a recording lacks without which some numbers cannot be had."""

@@ -62,13 +62,16 @@ def estimate_recording(
     Tracks are worked on in batches of about `batch` observations; the results do not depend on it.
     """
     config = config.of_recording(recording_id)
+    cameras = camera_rows(store.read("cameras", recording_id))
+    for row in cameras:
+        config = config.naming(row.camera, row.topic)
     remarks = Remarks(config)
     remarks.add(exposure_notes(exposure_verdicts(store, recording_id)))
     edges = store.read("background_lines", recording_id)
     prior = config.stature
     tracks = tracks_of(store, recording_id, prior.object_class if prior else "")
     forget_estimates(store, recording_id, run_id)
-    for row in camera_rows(store.read("cameras", recording_id)):
+    for row in cameras:
         mine = tracks.filter(pc.equal(tracks["camera"], row.camera))
         if not mine.num_rows:
             continue

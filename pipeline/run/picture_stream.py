@@ -60,6 +60,7 @@ class PictureStream:
         opencv: OpenCvThreads,
     ) -> None:
         self.stages: dict[str, CameraStage] = {}
+        self.entries = config.camera  # of the camera file
         self.undecodable = 0
         self._assembler = assembler
         self._config = config

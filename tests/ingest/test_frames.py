@@ -109,15 +109,17 @@ def test_cameras_stay_apart(tmp_path: Path) -> None:
         assert {f.exposure.f_number for f in by_camera[name]} == {f_number}
 
 
-def test_one_name_on_two_topics_is_two_cameras_and_no_name_is_the_topics(tmp_path: Path) -> None:
+def test_one_name_at_two_places_is_two_cameras_and_no_name_is_the_topics(tmp_path: Path) -> None:
     path = tmp_path / "x.mcap"
     with RecordingWriter(path) as w:
         w.write("/a/raw", image(0, "cam"), START_NS)
-        w.write("/a/rectified", image(0, "cam"), START_NS)
+        w.write("/a/rectified", image(0, "cam"), START_NS)  # of the same camera
+        w.write("/other/raw", image(0, "cam"), START_NS)
         w.write("/b/i", image(0, ""), START_NS)
         w.write("/b/e", exposure(0, 5.6, ""), START_NS)
-    frames, _ = read(path)
-    assert {f.camera for f in frames} == {"cam", "/a/rectified", "/b/i"}
+    frames, notes = read(path)
+    assert sorted(f.camera for f in frames) == ["/b/i", "/other/raw", "cam"]
+    assert "same_camera" in [n.code for n in notes]
     f_numbers = {f.camera: f.exposure.f_number for f in frames}
     assert f_numbers["/b/i"] == 5.6  # by the shared namespace
     assert np.isnan(f_numbers["cam"])
