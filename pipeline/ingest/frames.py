@@ -22,7 +22,6 @@ from pipeline.ingest.access_units import Times
 from pipeline.ingest.cameras import Cameras, Why
 from pipeline.ingest.clocks import CameraClock
 from pipeline.ingest.lanes import Lanes
-from pipeline.ingest.lens_readings import NO_LENS, Found, LensReadings
 from pipeline.ingest.logged_behind import (
     messages_behind,
     messages_in_order,
@@ -42,6 +41,7 @@ from pipeline.ingest.videos import OfCamera, Videos
 from pipeline.ingest.waiting import Waiting, WaitingRoom
 from pipeline.mcap_file.reader import MAX_TIME_NS, McapFile, RawMessage
 from pipeline.messages.content import Decoded, EncodedImage, Kind, VideoPacket
+from pipeline.messages.lens_readings import NO_LENS, Found, LensReadings
 from pipeline.messages.named_numbers import named_numbers
 from pipeline.messages.registry import kind_of
 from pipeline.messages.tree import UndecodableMessage

@@ -2,7 +2,7 @@
 
 This comes after decoding, so it holds for every encoding. The bounds refuse the impossible, not the
 unusual; those of exposure are in `pipeline.core.exposure`, those of the lens in
-`pipeline.ingest.lens_readings`.
+`pipeline.messages.lens_readings`.
 """
 
 from __future__ import annotations

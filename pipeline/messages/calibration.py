@@ -1,7 +1,7 @@
 """The pinhole camera: foxglove.CameraCalibration and sensor_msgs/CameraInfo.
 
 A message is taken as it is; for which pictures it holds is decided beside a picture
-(`pipeline.ingest.lens_readings`).
+(`pipeline.messages.lens_readings`).
 """
 
 from __future__ import annotations

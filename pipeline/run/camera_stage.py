@@ -161,7 +161,7 @@ class CameraStage:
 
     def _bounded(self, frame: Frame, boxes: Boxes) -> Boxes:
         """Return no more boxes than may be followed, those of the best scores, and say so."""
-        limit = self._config.limits.tracked_objects
+        limit = self.config.limits.tracked_objects
         if len(boxes) <= limit:
             return boxes
         text = f"more than {limit:,} boxes in a picture (limits.tracked_objects); the others are left out"

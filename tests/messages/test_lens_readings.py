@@ -14,9 +14,9 @@ from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
 from pipeline.core.records import Intrinsics, LensClaim
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.lens_readings import Found, lens_of_claim
 from pipeline.mcap_file.reader import McapFile
 from pipeline.mcap_file.writer import RecordingWriter, calibration_message, image_message
+from pipeline.messages.lens_readings import Found, lens_of_claim
 from tests.run.test_recordings import jpeg
 
 HD = (1280, 720)
