@@ -61,12 +61,13 @@ def estimate_recording(
 
     Tracks are worked on in batches of about `batch` observations; the results do not depend on it.
     """
+    exposure = exposure_notes(exposure_verdicts(store, recording_id))
     config = config.of_recording(recording_id)
     cameras = camera_rows(store.read("cameras", recording_id))
     for row in cameras:
         config = config.naming(row.camera, row.topic)
     remarks = Remarks(config)
-    remarks.add(exposure_notes(exposure_verdicts(store, recording_id)))
+    remarks.add(exposure)
     edges = store.read("background_lines", recording_id)
     prior = config.stature
     tracks = tracks_of(store, recording_id, prior.object_class if prior else "")
