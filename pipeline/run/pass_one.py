@@ -17,6 +17,7 @@ from pipeline.core.progress import Progress, Report, silent
 from pipeline.core.records import Diagnostic, Severity
 from pipeline.core.sensors.hints import WAYS_TO_GIVE_A_LENS
 from pipeline.core.timing import NOTHING, StageTimes
+from pipeline.ingest.cameras import unmatched
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.mcap_file.reader import McapFile, Note
 from pipeline.measure.frame_rows import Row, frame_row, frames_table, truth_table
@@ -25,7 +26,6 @@ from pipeline.parallel.opencv_threads import OpenCvThreads
 from pipeline.run.blur_queue import BlurLater, BlurQueue
 from pipeline.run.camera_stage import Decoded
 from pipeline.run.picture_stream import PictureStream
-from pipeline.run.unmatched import unmatched
 from pipeline.store.parquet_parts import PartWriter
 from pipeline.store.recordings import RecordingRow
 

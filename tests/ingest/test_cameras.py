@@ -6,8 +6,7 @@ import pytest
 
 from pipeline.core.config import CameraConfig, Config, ExposureFields
 from pipeline.core.records import Severity
-from pipeline.ingest.cameras import Cameras, Why
-from pipeline.run.unmatched import unmatched
+from pipeline.ingest.cameras import Cameras, Why, unmatched
 
 
 def names(*pictures: tuple[str, str], most: int = 8) -> list[str | Why]:
