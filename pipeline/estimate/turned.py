@@ -3,7 +3,8 @@
 The height of a box is that of an upright thing across the axis. A card that hangs askew has a higher box
 by its width times the sine of the turn; one that leans towards the camera has a lower box. Neither can be
 told from a box, and both are the same in all frames of a track, so they are considered: a mean and a
-deviation that does not average out (`optics.turned_box`). So with widths, and the depths that they give.
+deviation that does not average out (`estimate.boxes.turned_box`). So with widths, and the depths that
+they give.
 
 People stand upright, and so does what the camera file names (`[estimate] upright`). With the pose known
 the camera's roll is known too, and height is measured as of a vertical thing that stands on the ground.
@@ -19,8 +20,8 @@ import numpy as np
 from pipeline.core.calibration import Dimension
 from pipeline.core.config import EstimateConfig
 from pipeline.core.records import Diagnostic, Severity
+from pipeline.estimate.boxes.turned_box import Share, height_share
 from pipeline.estimate.types import BoolArray, Estimated, Measured
-from pipeline.optics.turned_box import Share, height_share
 
 
 def may_be_turned(measured: Measured, config: EstimateConfig) -> BoolArray:

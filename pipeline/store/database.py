@@ -7,6 +7,8 @@ reach SQL as parameters or as Arrow columns, never as text. What goes in and out
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -22,6 +24,8 @@ from pipeline.store.columns import RECORDING_TABLES, ROW_ORDER
 from pipeline.store.connection import connect
 from pipeline.store.schema import apply_schema, is_current
 
+# DuckDB wraps a full disk in errors of several kinds; the system's own words stay.
+_NO_ROOM = os.strerror(errno.ENOSPC)
 # Errors of the place, which the next recording would meet as well.
 _OF_THE_DISK = (duckdb.IOException, duckdb.FatalException, duckdb.InternalException)
 # A transaction that is read-only does not keep these from the disk, where files may be reached at all.
@@ -129,7 +133,7 @@ class Store:
             # A failed COMMIT has ended the transaction already.
             with suppress(duckdb.Error):
                 self.connection.execute("ROLLBACK")
-            if isinstance(error, _OF_THE_DISK):
+            if isinstance(error, _OF_THE_DISK) or _NO_ROOM in str(error):
                 raise StoreError(
                     f"nothing of this step was stored: {error}",
                     where=Where(self.path),
@@ -137,7 +141,8 @@ class Store:
                 ) from error
             if isinstance(error, duckdb.Error):
                 raise RowsRefused(
-                    f"the database does not take its rows: {error}", where=Where(self.path)
+                    f"nothing of this step was stored, the database does not take its rows: {error}",
+                    where=Where(self.path),
                 ) from error
             raise
         finally:

@@ -52,7 +52,8 @@ def write_crossings(path: Path, seconds: int, *, named: bool = False) -> None:
 def rows(folder: Path, table: str, order: list[str]) -> pd.DataFrame:
     (manifest,) = read_manifests(folder)
     found = pq.read_table(folder / manifest.parts[table].path).to_pandas()
-    dropped = [c for c in ("run_id", "track_id") if c in found]
+    # The hash of all tables has the tracks' numbers in it.
+    dropped = [c for c in ("run_id", "track_id", "tables_sha256") if c in found]
     return found.drop(columns=dropped).sort_values(order).reset_index(drop=True)
 
 

@@ -9,9 +9,9 @@ from pipeline.core.calibration import Dimension
 from pipeline.core.config import Config, EstimateConfig, SizePrior
 from pipeline.core.records import GroundPlane
 from pipeline.estimate.boxes.geometry import Geometry
+from pipeline.estimate.boxes.turned_box import box_around, height_share
 from pipeline.estimate.methods import size
 from pipeline.estimate.turned import as_turned, shares_of, turn_notes
-from pipeline.optics.turned_box import box_around, height_share
 from tests.estimate.scenes import estimates, measured
 
 CONFIG = EstimateConfig()

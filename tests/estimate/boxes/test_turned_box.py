@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.optics.turned_box import box_around, height_share
+from pipeline.estimate.boxes.turned_box import box_around, height_share
 
 
 def corners(width, height, turn, slant, depth=1000.0):
