@@ -55,8 +55,10 @@ def measured_by_camera(
             "focus_distance_m",
             "pixel_pitch_x_um",
             "pixel_pitch_y_um",
+            "width_px",
+            "height_px",
         ]
-    )
+    ).rename_columns({"width_px": "frame_width_px", "height_px": "frame_height_px"})
     joined = observations.join(lens, ["camera", "frame_index"], join_type="inner")
     joined = joined.sort_by("observation_index")
     found = []
@@ -82,6 +84,7 @@ def measured_of(
         plane: its pose, where it is known.
         others: index, frame and box of what else is in their frames.
     """
+    table, scale = _in_usual_size(table, camera)
 
     def number(name: str) -> FloatArray:
         return np.asarray(table[name].to_numpy(), dtype=np.float64)
@@ -98,8 +101,8 @@ def measured_of(
         class_name=np.array(names.dictionary.to_pylist(), dtype=np.object_)[
             names.indices.to_numpy()
         ],
-        bbox_xyxy_px=np.stack([number(f"{s}_px") for s in sides], axis=1),
-        std_xyxy_px=np.nan_to_num(np.stack([number(f"{s}_std_px") for s in sides], axis=1)),
+        bbox_xyxy_px=_scaled(np.stack([number(f"{s}_px") for s in sides], axis=1), scale),
+        std_xyxy_px=scale * np.nan_to_num(np.stack([number(f"{s}_std_px") for s in sides], axis=1)),
         truncated=np.stack(
             [table[f"truncated_{c}"].to_numpy().astype(np.bool_) for c in cuts], axis=1
         ),
@@ -107,17 +110,50 @@ def measured_of(
         f_number=number("f_number"),
         focal_length_mm=number("focal_length_mm"),
         focus_distance_m=number("focus_distance_m"),
-        pixel_pitch_x_um=number("pixel_pitch_x_um"),
-        pixel_pitch_y_um=number("pixel_pitch_y_um"),
+        pixel_pitch_x_um=number("pixel_pitch_x_um") / scale[:, 0],
+        pixel_pitch_y_um=number("pixel_pitch_y_um") / scale[:, 1],
         intrinsics=camera.intrinsics,
         ground_plane=plane,
         exposure_time_s=number("exposure_time_s"),
-        blur_sigma_px=number("blur_sigma_px"),
-        blur_std_px=number("blur_std_px"),
+        blur_sigma_px=number("blur_sigma_px") * scale[:, 0],
+        blur_std_px=number("blur_std_px") * scale[:, 0],
         filled=~np.asarray(table["measured"].fill_null(True)).astype(np.bool_),
-        raw_bbox_xyxy_px=_raw_boxes(table),
+        raw_bbox_xyxy_px=_scaled(_raw_boxes(table), scale),
         others=None if others is None or not others.num_rows else _other_boxes(others),
     )
+
+
+# A picture that was scaled keeps its aspect ratio to within the rounding of its sides.
+ASPECT_TOLERANCE = 0.01
+
+
+def _in_usual_size(table: pa.Table, camera: CameraRow) -> tuple[pa.Table, FloatArray]:
+    """Return the observations in pictures of the camera's shape, and the scale to its size.
+
+    The scale is (n, 4), for x, y, x, y; boxes in pictures of another shape (cut, turned) are left out, as
+    no lens is known for them.
+    """
+    if "frame_width_px" not in table.column_names or not (camera.width_px and camera.height_px):
+        return table, np.ones((table.num_rows, 4))
+    sizes = [
+        np.asarray(table[name].fill_null(usual).to_numpy(), dtype=np.float64)
+        for name, usual in (
+            ("frame_width_px", camera.width_px),
+            ("frame_height_px", camera.height_px),
+        )
+    ]
+    sx, sy = camera.width_px / sizes[0], camera.height_px / sizes[1]
+    same = np.abs(sx / sy - 1) <= ASPECT_TOLERANCE
+    scale = np.column_stack([sx, sy, sx, sy])
+    if same.all():
+        return table, scale
+    return table.filter(pa.array(same)), scale[same]
+
+
+def _scaled(boxes: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return boxes in pixels of another size; the corner at -0.5 is what stays in place."""
+    moved = (boxes + 0.5) * scale - 0.5
+    return np.where(scale == 1.0, boxes, moved)
 
 
 def _raw_boxes(table: pa.Table) -> FloatArray:

@@ -32,6 +32,7 @@ from pipeline.ingest.pose import CameraPose
 from pipeline.measure.appearance import colours as colours_of
 from pipeline.measure.background_lines import Backdrop
 from pipeline.measure.camera_motion import CameraMotion
+from pipeline.measure.lens_stretches import LensStretches
 from pipeline.measure.observations import Seen, luminance_inside, seen_whole
 from pipeline.track.tracker import Tracker
 
@@ -52,6 +53,12 @@ class Decoded(NamedTuple):
     picture: Picture | None
 
 
+OTHER_LENS = (
+    "the lens that most pictures have is the camera's: boxes in pictures of another size are scaled to "
+    "it, those in pictures of another shape give no distance; split the recording where the lens changes"
+)
+
+
 class CameraStage:
     """The steps that one camera's frames go through, and the state that lives between them."""
 
@@ -68,9 +75,7 @@ class CameraStage:
         self.tracker = Tracker(config.track, camera)
         self.backdrop = Backdrop()
         self._motion = CameraMotion(camera)
-        self.intrinsics: Intrinsics | None = None
-        self._intrinsics_source: str | None = None
-        self._rectified: Intrinsics | None = None
+        self._lenses = LensStretches()
         self.config = config
         self._settings = config.camera_named(camera)
         self._notes = notes
@@ -191,24 +196,31 @@ class CameraStage:
             self._note(frame, "camera_file_overrides", text)
         return lens
 
+    @property
+    def intrinsics(self) -> Intrinsics | None:
+        """The lens that most pictures have, None where none is known."""
+        return self._lenses.usual.intrinsics
+
     def _learn_intrinsics(self, frame: Frame, lens: Lens, size_px: tuple[int, int]) -> None:
-        """Keep the first usable intrinsics of a camera; say when a later picture differs."""
-        if size_px != self._size_px:
-            if self._size_px != NO_SIZE:
-                self._note(frame, "size_changed", f"the pictures change their size to {size_px}")
-            self._size_px = size_px
-        elif self.intrinsics is not None and (
-            self._intrinsics_source == "recording" or frame.intrinsics is None
-        ):
+        """Count the frame for its size and calibration; say when a picture differs from those before."""
+        stretch, is_new = self._lenses.of_frame(size_px, frame.intrinsics)
+        if is_new and self._size_px != NO_SIZE:
+            if size_px != self._size_px:
+                text = f"the pictures change their size to {size_px}"
+                self._note(frame, "size_changed", f"{text}; {OTHER_LENS}")
+            else:
+                self._note(frame, "lens_changed", f"the calibration changes; {OTHER_LENS}")
+        self._size_px = size_px
+        if stretch.intrinsics is not None:
             return
         found, source, complaint = intrinsics_of(frame.intrinsics, self._settings, lens, *size_px)
         if complaint:
             self._note(frame, "doubtful_calibration", complaint)
         if found is not None:
             self._note_rounding(frame, source, lens)
-            self.intrinsics, self._intrinsics_source = found, source
             other = frame.rectified
-            self._rectified = fit_to_picture(other, *size_px) if other else None
+            stretch.intrinsics, stretch.source = found, source
+            stretch.rectified = fit_to_picture(other, *size_px) if other else None
 
     def _note_rounding(self, frame: Frame, source: str | None, lens: Lens) -> None:
         """Say that angles come from a data sheet, or from a focal length that cameras round."""
@@ -231,12 +243,13 @@ class CameraStage:
         self, frame_id: str | None, pose: CameraPose | None, *, moves: bool = False
     ) -> CameraRow:
         """Return the camera as it is known after pass 1; `moves` says that it has no one pose."""
+        usual = self._lenses.usual
         row = CameraRow(
             self.camera,
             topic=self.topic,
             frame_id=frame_id,
-            width_px=self._size_px[0] or None,
-            height_px=self._size_px[1] or None,
+            width_px=usual.size_px[0] or None,
+            height_px=usual.size_px[1] or None,
         )
         if pose is not None:
             row = replace(
@@ -250,13 +263,13 @@ class CameraStage:
                 row = replace(
                     row, recorded_height_m=None, recorded_tilt_rad=None, recorded_roll_rad=None
                 )
-        k = self.intrinsics
+        k = usual.intrinsics
         if k is None:
             return row
         row = replace(row, width_px=k.width_px, height_px=k.height_px)
-        sources = lens_sources(k, self._settings, self._intrinsics_source)
-        row = row.with_lens(k, self._intrinsics_source, sources=sources)
-        return row.with_rectified(self._rectified if row.intrinsics_source == "recording" else None)
+        sources = lens_sources(k, self._settings, usual.source)
+        row = row.with_lens(k, usual.source, sources=sources)
+        return row.with_rectified(usual.rectified if row.intrinsics_source == "recording" else None)
 
     def _note(self, frame: Frame, code: str, message: str) -> None:
         self._notes.add(

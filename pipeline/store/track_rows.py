@@ -21,7 +21,8 @@ _UNUSED = "object_id, detector, score, luminance, blur_edge_count, blur_reason"
 _LENS = """
 SELECT
     camera, frame_index, capture_time_ns, exposure_time_s, f_number, focal_length_mm,
-    focus_distance_m, pixel_pitch_x_um, pixel_pitch_y_um
+    focus_distance_m, pixel_pitch_x_um, pixel_pitch_y_um,
+    width_px AS frame_width_px, height_px AS frame_height_px
 FROM frames WHERE recording_id = $recording AND camera = $camera
     AND frame_index BETWEEN $first AND $last
 """
