@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 ADVICE: Mapping[str, str] = {
-    "no_lens_data": "give the lens in a camera file: fx_px, or focal_length_mm with pixel_pitch_x_um; "
-    "`stadimeter inspect` shows what the recording says",
+    "no_lens_data": "give the lens in a camera file (README, section camera.toml); `stadimeter "
+    "inspect` shows what the recording says",
     "pose_undetermined": "give camera_height_m and tilt_deg in a camera file, or record longer, until "
     "enough people have walked through",
     "size_unknown": "add a [[size_prior]] for this class to the camera file, or calibrate with truth",

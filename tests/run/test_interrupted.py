@@ -5,6 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import duckdb
@@ -12,7 +14,7 @@ import pytest
 
 from pipeline.cli.main import main
 from pipeline.store.database import Store
-from tests.cli.test_commands import stadimeter
+from tests.cli.test_commands import ROOT
 from tests.run.test_recordings import write_people
 from tests.support.faults import failing
 
@@ -167,5 +169,19 @@ def test_a_full_standard_output_is_told(workplace: Path) -> None:
 
 
 def test_a_pipe_that_is_closed_early_is_no_error(workplace: Path) -> None:
-    done = stadimeter("query", "SELECT 1 AS x", "--db", workplace / "old.duckdb", cwd=workplace)
-    assert done.returncode == 0
+    sql = "SELECT range AS x FROM range(200000)"
+    command = [sys.executable, "-m", "pipeline.cli", "query", sql, "--csv", "--db", "old.duckdb"]
+    with subprocess.Popen(
+        command,
+        cwd=workplace,
+        env={"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", "HOME": str(workplace)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as running:
+        assert running.stdout is not None
+        assert running.stderr is not None
+        assert running.stdout.readline().strip().strip('"') == "x"
+        running.stdout.close()  # as `| head -1` does
+        assert running.stderr.read() == ""
+        assert running.wait(60) == 0
