@@ -118,10 +118,13 @@ def measured_of(
         blur_sigma_px=number("blur_sigma_px") * scale[:, 0],
         blur_std_px=number("blur_std_px") * scale[:, 0],
         filled=~np.asarray(table["measured"].fill_null(True)).astype(np.bool_),
+        recorded=np.asarray(pa.compute.equal(table["detector"], RECORDED).fill_null(False)),
         raw_bbox_xyxy_px=_scaled(_raw_boxes(table), scale),
         others=None if others is None or not others.num_rows else _other_boxes(others),
     )
 
+
+RECORDED = "recorded"  # the detector whose boxes come from the recording
 
 # A picture that was scaled keeps its aspect ratio to within the rounding of its sides.
 ASPECT_TOLERANCE = 0.01

@@ -70,6 +70,7 @@ class Measured:
     blur_sigma_px: FloatArray | None = None  # None: nobody looked
     blur_std_px: FloatArray | None = None
     filled: BoolArray | None = None  # boxes that nobody measured: gaps of a track
+    recorded: BoolArray | None = None  # boxes that the recording gave; None: they are silhouettes
     raw_bbox_xyxy_px: FloatArray | None = None  # (n, 4), as the detector gave them, not smoothed
     others: OtherBoxes | None = None  # None: nobody else is there
     camera_blur: CameraBlur | None = None  # None: these are all of the camera

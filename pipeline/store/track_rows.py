@@ -17,7 +17,7 @@ _OWN = """
 FROM observations WHERE recording_id = $recording AND camera = $camera
     AND frame_index BETWEEN $first AND $last AND track_id IN (SELECT unnest($tracks))
 """
-_UNUSED = "object_id, detector, score, luminance, blur_edge_count, blur_reason"
+_UNUSED = "object_id, score, luminance, blur_edge_count, blur_reason"
 _LENS = """
 SELECT
     camera, frame_index, capture_time_ns, exposure_time_s, f_number, focal_length_mm,

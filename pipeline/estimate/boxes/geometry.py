@@ -20,9 +20,9 @@ from pipeline.optics.thin_lens import image_distance_mm
 # a bag, a shadow. The depths of whole tracks of the motion detector are off by that (36 rendered
 # recordings), from the best tracks to the worst.
 COMMON_SHARE = 0.9
-# A box may be drawn down to the shoes, as a silhouette ends, or down to the ground below the body, as a
-# point on the ground is marked; one of them holds for all boxes of a recording. The reach is taken as a
-# silhouette's. Where both are as likely, its error is none or all of it: sqrt(1/2) of it.
+# A box that a recording gives may be drawn down to the shoes, as a silhouette ends, or down to the ground
+# below the body, as a point on the ground is marked; one of them holds for all boxes of a recording. The
+# reach is taken as a silhouette's. Where both are as likely, its error is none or all of it: sqrt(1/2).
 REACH_CONVENTION_STD = 0.71
 
 
@@ -198,8 +198,9 @@ class Geometry:
         of_track = pd.DataFrame(share).groupby(m.track_id).transform("median").to_numpy()
         common = np.nan_to_num(COMMON_SHARE * of_track * tall[:, None])
         reach = self.ends.reach
-        if reach is not None and m.ground_plane is not None:
+        if reach is not None and m.ground_plane is not None and m.recorded is not None:
             convention = REACH_CONVENTION_STD * reach * self._foot_by_reach(m.ground_plane)
+            convention = np.where(m.recorded, convention, 0.0)
             common[:, 0] = np.hypot(common[:, 0], np.nan_to_num(convention))
         return common
 

@@ -43,9 +43,11 @@ def test_the_error_of_a_focal_length_is_in_depth_and_height(ahead_m: float) -> N
         assert (std > 0.001).all()
 
 
-def test_how_far_feet_are_before_the_axis_is_in_the_depth() -> None:
+@pytest.mark.parametrize("recorded", [True, False])
+def test_how_far_feet_are_before_the_axis_is_in_the_depth(recorded: bool) -> None:
     """Boxes and pose exact: what remains is the reach, of this person, of shoes, of how boxes end."""
-    geometry = with_reach(standing(12.0, PLANE))
+    boxes = standing(12.0, PLANE)
+    geometry = with_reach(replace(boxes, recorded=np.full(len(boxes), recorded)))
     assert geometry.reach is not None
     found = ground.estimate(geometry, Config())
     step = 1e-4
@@ -53,7 +55,7 @@ def test_how_far_feet_are_before_the_axis_is_in_the_depth() -> None:
         geometry.with_reach(geometry.reach + step, geometry.reach_std), Config()
     )
     slope = (farther.depth_m - found.depth_m) / step
-    convention = REACH_CONVENTION_STD * geometry.reach
+    convention = REACH_CONVENTION_STD * geometry.reach * recorded
     expected = np.abs(slope) * np.sqrt(REACH_TRACK_STD**2 + REACH_COMMON_STD**2 + convention**2)
     np.testing.assert_allclose(found.depth_common_std_m, expected, rtol=0.03)
     assert (expected > 0.01).all()
