@@ -265,6 +265,10 @@ def _folder_beside(database: Path) -> Iterator[Path]:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        if (
+            folder.exists()
+        ):  # one operation may fail, on a shared disk for one; two in a row seldom do
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def describe(config: Config) -> str:

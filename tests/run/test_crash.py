@@ -67,10 +67,14 @@ def crash_server(database: Path, recordings: list[Path]) -> Iterator[CrashServer
 
 
 def rows_by_recording(store: Store) -> dict[str, dict[str, int]]:
-    """Return how many rows each recording has in each table."""
+    """Return how many rows each recording has in each table.
+
+    Without those that compare it with the recordings that were there before it.
+    """
     found: dict[str, dict[str, int]] = {}
     for table in RECORDING_TABLES:
-        counts = store.query(f"SELECT recording_id, count(*) AS n FROM {table} GROUP BY ALL")
+        own = "WHERE code <> 'overlapping_recordings'" if table == "diagnostics" else ""
+        counts = store.query(f"SELECT recording_id, count(*) AS n FROM {table} {own} GROUP BY ALL")
         for row in counts.to_pylist():
             found.setdefault(row["recording_id"], {})[table] = row["n"]
     return found
