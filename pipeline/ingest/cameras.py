@@ -109,8 +109,7 @@ def unmatched(
 ) -> Iterator[Diagnostic]:
     """Yield a note for each entry, and each field that it names, that matches nothing.
 
-    A camera file may serve many recordings, so an entry for another camera is a warning; that none of
-    the entries is for a camera of the recording is an error.
+    They are warnings: a camera file may serve many recordings.
 
     Args:
         entries: cameras of the camera file.
@@ -121,10 +120,9 @@ def unmatched(
     names = set(cameras) | set(cameras.values())
     missing = [entry.name for entry in entries if entry.name not in names]
     if missing and cameras:
-        severity = Severity.ERROR if len(missing) == len(entries) else Severity.WARNING
         there = ", ".join(f"{name!r} on {topic!r}" for name, topic in cameras.items())
         yield Diagnostic(
-            severity,
+            Severity.WARNING,
             "unmatched_camera",
             f"the camera file's {', '.join(map(repr, missing[:MOST_NAMED]))} match no camera of this "
             f"recording, so what is stated there is not used; its cameras are {there}. Name one by its "
