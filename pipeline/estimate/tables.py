@@ -12,6 +12,7 @@ import pyarrow.compute
 from pipeline.core.arrays import FloatArray
 from pipeline.core.calibration import Calibration
 from pipeline.core.camera_row import CameraRow, camera_rows
+from pipeline.core.lens import ASPECT_TOLERANCE
 from pipeline.core.records import GroundPlane
 from pipeline.core.tables import CALIBRATIONS, ESTIMATES
 from pipeline.estimate.cadence import possible
@@ -125,9 +126,6 @@ def measured_of(
 
 
 RECORDED = "recorded"  # the detector whose boxes come from the recording
-
-# A picture that was scaled keeps its aspect ratio to within the rounding of its sides.
-ASPECT_TOLERANCE = 0.01
 
 
 def _in_usual_size(table: pa.Table, camera: CameraRow) -> tuple[pa.Table, FloatArray]:
