@@ -23,7 +23,7 @@ demo: $(VENV)/.ready
 	$(BIN)/stadimeter demo
 
 test: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest $(TESTS)
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal $(TESTS)
 
 lint: $(VENV)/.ready-dev
 	$(BIN)/ruff check

@@ -28,6 +28,7 @@ from pipeline.core.errors import StadimeterError
 LOADING_S = 60.0
 # The viewer's own notices lie over the panels for some seconds after its start.
 NOTICES_S = 6.0
+SETTLING_S = 15.0
 QUALITIES = (88, 84, 80, 75, 70)  # below that letters have rings
 BAR_PX = 37  # the window's own bar, which tells of this machine
 
@@ -86,9 +87,17 @@ class Viewer:
         raise StadimeterError(f"the timeline has no tab {name!r}")
 
     def reports(self) -> list[str]:
-        """Return what the views complain of, hidden ones too."""
-        views = self._client.get_state().views  # type: ignore[attr-defined]
-        return [f"{view.name}: {report}" for view in views for report in view.reports]
+        """Return what the views complain of, hidden ones too, for longer than `SETTLING_S`.
+
+        On a busy machine a view can come before the camera it needs, and complains until that is there.
+        """
+        until = time.monotonic() + SETTLING_S
+        while True:
+            views = self._client.get_state().views  # type: ignore[attr-defined]
+            found = [f"{view.name}: {report}" for view in views for report in view.reports]
+            if not found or time.monotonic() > until:
+                return found
+            time.sleep(0.3)
 
     def views(self) -> list[str]:
         """Return the names of the views that can be seen."""

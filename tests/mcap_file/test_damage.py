@@ -267,7 +267,7 @@ def test_a_small_chunk_of_millions_of_empty_records_takes_no_time(
     assert len(data) < 5_000
     started = time.process_time()
     frames, notes, _ = read(data, tmp_path)
-    assert time.process_time() - started < 5
+    assert time.process_time() - started < 20  # about 2 s; a guard against minutes, not a speed
     assert frames == 0
     assert len(notes) < 10
 
