@@ -70,6 +70,13 @@ FRAMES = _schema(
     ("clipped_fraction", _F64),
     ("ev100", _F64),
     ("scene_luminance_cd_m2", _F64),
+    ("fx_px", _F64),
+    ("fy_px", _F64),
+    ("cx_px", _F64),
+    ("cy_px", _F64),
+    ("distortion_model", _TEXT),
+    ("distortion", pa.list_(_F64)),
+    ("intrinsics_source", _TEXT),
 )
 
 TRACKS = _schema(

@@ -12,10 +12,17 @@ import pyarrow.compute
 from pipeline.core.arrays import FloatArray
 from pipeline.core.calibration import Calibration
 from pipeline.core.camera_row import CameraRow, camera_rows
-from pipeline.core.lens import ASPECT_TOLERANCE
 from pipeline.core.records import GroundPlane
 from pipeline.core.tables import CALIBRATIONS, ESTIMATES
 from pipeline.estimate.cadence import possible
+from pipeline.estimate.frame_lens import (
+    JOINED,
+    LENS_COLUMNS,
+    SIZE_COLUMNS,
+    FrameLens,
+    to_usual,
+    usual_of,
+)
 from pipeline.estimate.types import Estimated, Measured, OtherBoxes
 
 
@@ -56,18 +63,24 @@ def measured_by_camera(
             "focus_distance_m",
             "pixel_pitch_x_um",
             "pixel_pitch_y_um",
-            "width_px",
-            "height_px",
+            *SIZE_COLUMNS,
         ]
-    ).rename_columns({"width_px": "frame_width_px", "height_px": "frame_height_px"})
+    ).rename_columns({name: JOINED[name] for name in SIZE_COLUMNS})
+    # A join takes no lists: what a lens is comes after it, by the row of the frame.
+    lens = lens.append_column("frame_row", pa.array(np.arange(lens.num_rows)))
     joined = observations.join(lens, ["camera", "frame_index"], join_type="inner")
     joined = joined.sort_by("observation_index")
+    of_frames = frames.select(LENS_COLUMNS).take(joined["frame_row"])
+    of_frames = of_frames.rename_columns([JOINED[name] for name in LENS_COLUMNS])
+    for name in of_frames.column_names:
+        joined = joined.append_column(name, of_frames[name])
     found = []
     for camera in camera_rows(cameras):
         name = camera.camera
         mine = joined.filter(pa.compute.equal(joined["camera"], name))
         if mine.num_rows:
-            found.append(measured_of(mine, camera, poses.get(name)))
+            usual = usual_of(frames.filter(pa.compute.equal(frames["camera"], name)))
+            found.append(measured_of(mine, camera, poses.get(name), usual=usual))
     return found
 
 
@@ -76,6 +89,7 @@ def measured_of(
     camera: CameraRow,
     plane: GroundPlane | None,
     others: pa.Table | None = None,
+    usual: FrameLens | None = None,
 ) -> Measured:
     """Return observations of one camera, joined with their frames, as arrays.
 
@@ -83,9 +97,12 @@ def measured_of(
         table: the observations, in the order of their number.
         camera: the camera's row of the table `cameras`.
         plane: its pose, where it is known.
-        others: index, frame and box of what else is in their frames.
+        others: index, frame and box of what else is in their frames, joined with these.
+        usual: the lens that most of the camera's pictures have, by the table `frames`.
     """
-    table, scale = _in_usual_size(table, camera)
+    mapped = to_usual(table, camera, usual)
+    table = table if mapped.kept.all() else table.filter(pa.array(mapped.kept))
+    scale = mapped.scale
 
     def number(name: str) -> FloatArray:
         return np.asarray(table[name].to_numpy(), dtype=np.float64)
@@ -102,7 +119,7 @@ def measured_of(
         class_name=np.array(names.dictionary.to_pylist(), dtype=np.object_)[
             names.indices.to_numpy()
         ],
-        bbox_xyxy_px=_scaled(np.stack([number(f"{s}_px") for s in sides], axis=1), scale),
+        bbox_xyxy_px=mapped.boxes(np.stack([number(f"{s}_px") for s in sides], axis=1)),
         std_xyxy_px=scale * np.nan_to_num(np.stack([number(f"{s}_std_px") for s in sides], axis=1)),
         truncated=np.stack(
             [table[f"truncated_{c}"].to_numpy().astype(np.bool_) for c in cuts], axis=1
@@ -120,41 +137,12 @@ def measured_of(
         blur_std_px=number("blur_std_px") * scale[:, 0],
         filled=~np.asarray(table["measured"].fill_null(True)).astype(np.bool_),
         recorded=np.asarray(pa.compute.equal(table["detector"], RECORDED).fill_null(False)),
-        raw_bbox_xyxy_px=_scaled(_raw_boxes(table), scale),
-        others=None if others is None or not others.num_rows else _other_boxes(others),
+        raw_bbox_xyxy_px=mapped.boxes(_raw_boxes(table)),
+        others=_other_boxes(others, camera, usual),
     )
 
 
 RECORDED = "recorded"  # the detector whose boxes come from the recording
-
-
-def _in_usual_size(table: pa.Table, camera: CameraRow) -> tuple[pa.Table, FloatArray]:
-    """Return the observations in pictures of the camera's shape, and the scale to its size.
-
-    The scale is (n, 4), for x, y, x, y; boxes in pictures of another shape (cut, turned) are left out, as
-    no lens is known for them.
-    """
-    if "frame_width_px" not in table.column_names or not (camera.width_px and camera.height_px):
-        return table, np.ones((table.num_rows, 4))
-    sizes = [
-        np.asarray(table[name].fill_null(usual).to_numpy(), dtype=np.float64)
-        for name, usual in (
-            ("frame_width_px", camera.width_px),
-            ("frame_height_px", camera.height_px),
-        )
-    ]
-    sx, sy = camera.width_px / sizes[0], camera.height_px / sizes[1]
-    same = np.abs(sx / sy - 1) <= ASPECT_TOLERANCE
-    scale = np.column_stack([sx, sy, sx, sy])
-    if same.all():
-        return table, scale
-    return table.filter(pa.array(same)), scale[same]
-
-
-def _scaled(boxes: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return boxes in pixels of another size; the corner at -0.5 is what stays in place."""
-    moved = (boxes + 0.5) * scale - 0.5
-    return np.where(scale == 1.0, boxes, moved)
 
 
 def _raw_boxes(table: pa.Table) -> FloatArray:
@@ -164,12 +152,18 @@ def _raw_boxes(table: pa.Table) -> FloatArray:
     return np.stack(columns, axis=1).astype(np.float64)
 
 
-def _other_boxes(table: pa.Table) -> OtherBoxes:
+def _other_boxes(
+    table: pa.Table | None, camera: CameraRow, usual: FrameLens | None
+) -> OtherBoxes | None:
+    if table is None or not table.num_rows:
+        return None
+    mapped = to_usual(table, camera, usual)
+    table = table if mapped.kept.all() else table.filter(pa.array(mapped.kept))
     sides = [table[f"{s}_px"].to_numpy() for s in ("x_min", "y_min", "x_max", "y_max")]
     return OtherBoxes(
         table["observation_index"].to_numpy(),
         table["frame_index"].to_numpy(),
-        np.stack(sides, axis=1).astype(np.float64),
+        mapped.boxes(np.stack(sides, axis=1).astype(np.float64)),
     )
 
 

@@ -12,6 +12,7 @@ from pipeline.core.exposure import FIELDS
 from pipeline.core.lens import Lens
 from pipeline.core.records import Frame
 from pipeline.core.tables import FRAMES, GROUND_TRUTH
+from pipeline.measure.lens_stretches import LensStretch
 from pipeline.measure.observations import Seen
 from pipeline.optics.exposure import exposure_value_100, scene_luminance_cd_m2
 from pipeline.store.parquet_parts import as_table
@@ -22,29 +23,46 @@ _STORED = tuple(row.name for row in FIELDS.values() if row.stored)
 _OF_LENS = frozenset(f.name for f in fields(Lens))
 
 
-def frame_row(seen: Seen, lens: Lens) -> Row:
-    """Return a frame's row by column, but for what its exposure says of the light."""
+def frame_row(seen: Seen, lens: Lens, stretch: LensStretch | None = None) -> Row:
+    """Return a frame's row by column, but for what its exposure says of the light.
+
+    Args:
+        seen: the frame, its picture and boxes.
+        lens: its lens by exposure and camera file.
+        stretch: its lens in pixels; None if it has no picture.
+    """
     frame, picture = seen.frame, seen.picture
-    return {
-        "camera": frame.camera,
-        "frame_index": frame.frame_index,
-        "log_time_ns": frame.log_time_ns,
-        "capture_time_ns": frame.capture_time_ns,
-        "image_format": frame.image_format,
-        "image_bytes": len(frame.image),
-        "width_px": picture.width_px if picture else None,
-        "height_px": picture.height_px if picture else None,
-        "decoded": picture is not None,
-        "exposure_pairing": str(frame.exposure_pairing),
-        "exposure_offset_ns": frame.exposure_offset_ns,
-        "luminance": picture.luminance if picture else None,
-        "clipped_fraction": picture.clipped_fraction if picture else None,
-    } | _exposure_columns(frame, lens)
+    return (
+        {
+            "camera": frame.camera,
+            "frame_index": frame.frame_index,
+            "log_time_ns": frame.log_time_ns,
+            "capture_time_ns": frame.capture_time_ns,
+            "image_format": frame.image_format,
+            "image_bytes": len(frame.image),
+            "width_px": picture.width_px if picture else None,
+            "height_px": picture.height_px if picture else None,
+            "decoded": picture is not None,
+            "exposure_pairing": str(frame.exposure_pairing),
+            "exposure_offset_ns": frame.exposure_offset_ns,
+            "luminance": picture.luminance if picture else None,
+            "clipped_fraction": picture.clipped_fraction if picture else None,
+        }
+        | _exposure_columns(frame, lens)
+        | _lens_columns(stretch)
+    )
 
 
 def _exposure_columns(frame: Frame, lens: Lens) -> Row:
     """Return the stored exposure fields: of the lens as it is used, the others as recorded."""
     return {name: getattr(lens if name in _OF_LENS else frame.exposure, name) for name in _STORED}
+
+
+def _lens_columns(stretch: LensStretch | None) -> Row:
+    k = stretch.intrinsics if stretch is not None else None
+    names = ("fx_px", "fy_px", "cx_px", "cy_px", "distortion_model", "distortion")
+    row: Row = {name: getattr(k, name) if k is not None else None for name in names}
+    return row | {"intrinsics_source": stretch.source if stretch is not None else None}
 
 
 def frames_table(rows: Sequence[Row]) -> pa.Table:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import pyarrow as pa
 
-from pipeline.core.arrays import FloatArray
+from pipeline.core.arrays import NAN, FloatArray
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
@@ -21,6 +23,7 @@ from pipeline.core.lens import (
 )
 from pipeline.core.records import Boxes, Diagnostic, Frame, Intrinsics, Severity
 from pipeline.core.sensors.hints import assumption_of
+from pipeline.core.tables import BACKGROUND_LINES
 from pipeline.core.timing import StageTimes
 from pipeline.detect import AS_GIVEN, Detector, make_detector
 from pipeline.detect.pose_verify import PoseVerifier
@@ -32,7 +35,7 @@ from pipeline.ingest.pose import CameraPose
 from pipeline.measure.appearance import colours as colours_of
 from pipeline.measure.background_lines import Backdrop
 from pipeline.measure.camera_motion import CameraMotion
-from pipeline.measure.lens_stretches import LensStretches
+from pipeline.measure.lens_stretches import LensStretch, LensStretches
 from pipeline.measure.observations import Seen, luminance_inside, seen_whole
 from pipeline.track.tracker import Tracker
 
@@ -53,9 +56,13 @@ class Decoded(NamedTuple):
     picture: Picture | None
 
 
+OTHER_SIZE = (
+    "boxes in these pictures are taken to the lens that most pictures have, by the calibration of these "
+    "or by their size; those in pictures of another shape without a calibration give no distance"
+)
 OTHER_LENS = (
-    "the lens that most pictures have is the camera's: boxes in pictures of another size are scaled to "
-    "it, those in pictures of another shape give no distance; split the recording where the lens changes"
+    "each picture is measured with its own, on the word of the recording; look at what is measured in "
+    "these pictures, and give fx_px in a camera file if the lens never changed"
 )
 
 
@@ -76,6 +83,7 @@ class CameraStage:
         self.backdrop = Backdrop()
         self._motion = CameraMotion(camera)
         self._lenses = LensStretches()
+        self.stretch: LensStretch | None = None  # of the last picture
         self.config = config
         self._settings = config.camera_named(camera)
         self._notes = notes
@@ -196,6 +204,12 @@ class CameraStage:
             self._note(frame, "camera_file_overrides", text)
         return lens
 
+    def background_lines(self) -> pa.Table:
+        """Return the straight edges of the background; none where the lens changes."""
+        if self._lenses.several:
+            return BACKGROUND_LINES.empty_table()
+        return self.backdrop.lines(self.camera)
+
     @property
     def intrinsics(self) -> Intrinsics | None:
         """The lens that most pictures have, None where none is known."""
@@ -203,13 +217,16 @@ class CameraStage:
 
     def _learn_intrinsics(self, frame: Frame, lens: Lens, size_px: tuple[int, int]) -> None:
         """Count the frame for its size and calibration; say when a picture differs from those before."""
-        stretch, is_new = self._lenses.of_frame(size_px, frame.intrinsics)
+        focal_px = lens.focal_length_mm * 1e3 / lens.pixel_pitch_x_um
+        before = self.stretch
+        stretch, is_new = self._lenses.of_frame(size_px, frame.intrinsics, focal_px)
+        self.stretch = stretch
         if is_new and self._size_px != NO_SIZE:
             if size_px != self._size_px:
                 text = f"the pictures change their size to {size_px}"
-                self._note(frame, "size_changed", f"{text}; {OTHER_LENS}")
+                self._note(frame, "size_changed", f"{text}; {OTHER_SIZE}")
             else:
-                self._note(frame, "lens_changed", f"the calibration changes; {OTHER_LENS}")
+                self._note(frame, "lens_changed", f"{_change(before, stretch)}; {OTHER_LENS}")
         self._size_px = size_px
         if stretch.intrinsics is not None:
             return
@@ -282,6 +299,16 @@ class CameraStage:
                 log_time_ns=frame.log_time_ns,
             )
         )
+
+
+def _change(before: LensStretch | None, now: LensStretch) -> str:
+    """Return how the lens of a picture differs from that of the one before."""
+    focal_px = [
+        s.stated.fx_px if s and s.stated else s.focal_px if s else NAN for s in (before, now)
+    ]
+    if all(map(math.isfinite, focal_px)):
+        return f"the focal length changes from {focal_px[0]:.0f} to {focal_px[1]:.0f} px"
+    return "the calibration begins or ends here"
 
 
 def _verifier(config: Config, detector: Detector) -> Verifier | PoseVerifier | None:

@@ -119,7 +119,7 @@ class FirstPass:
                 self._write_batch(batch, parts)
                 batch = []
         stages = list(self.stream.stages.values())
-        lines = pool.map(lambda stage: stage.backdrop.lines(stage.camera), stages)
+        lines = pool.map(lambda stage: stage.background_lines(), stages)
         self._write_batch(batch, parts)
         for stage, edges in zip(stages, lines, strict=True):
             parts.write("tracks", stage.tracker.tracks())
@@ -140,7 +140,7 @@ class FirstPass:
         seen = stage.follow(item, self.times)
         with self.times.stage("measure"):
             lens = stage.lens(seen.frame, seen.picture)
-            row = frame_row(seen, lens)
+            row = frame_row(seen, lens, stage.stretch if seen.picture else None)
         return Kept(seen.without_pixels(), row, self.blurs.submit(stage, seen, lens, pool))
 
     def _write_batch(self, batch: list[Kept], parts: PartWriter) -> None:

@@ -13,11 +13,12 @@ from pipeline.calibrate.walkers.sample import MIN_OBSERVATIONS, spread_people
 from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.records import GroundPlane
+from pipeline.estimate.frame_lens import FrameLens, lens_at
 from pipeline.estimate.tables import measured_of
 from pipeline.estimate.track_batches import Tracks
 from pipeline.estimate.types import Measured
 from pipeline.store.database import Store
-from pipeline.store.track_rows import observed
+from pipeline.store.track_rows import lenses_of, observed
 
 
 @dataclass(slots=True)
@@ -28,6 +29,15 @@ class StoredCamera:
     recording_id: str
     row: CameraRow
     plane: GroundPlane | None = None
+    _usual: tuple[FrameLens | None] | None = None
+
+    @property
+    def usual_lens(self) -> FrameLens | None:
+        """The lens that most of its pictures have, as the recording or the camera file states it."""
+        if self._usual is None:
+            lenses = lenses_of(self.store, self.recording_id, self.row.camera)
+            self._usual = (lens_at(lenses, 0) if lenses.num_rows else None,)
+        return self._usual[0]
 
     def measured(self, tracks: Tracks) -> Measured:
         """Read tracks, and what else is in their frames."""
@@ -38,7 +48,7 @@ class StoredCamera:
             tracks.track_id.tolist(),
             tracks.frames,
         )
-        return measured_of(own, self.row, self.plane, others)
+        return measured_of(own, self.row, self.plane, others, self.usual_lens)
 
     def people(self, tracks: pa.Table, besides: Sequence[int] = ()) -> Measured | None:
         """Read the tracks that determine the pose; None if there are no people.

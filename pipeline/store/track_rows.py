@@ -22,7 +22,10 @@ _LENS = """
 SELECT
     camera, frame_index, capture_time_ns, exposure_time_s, f_number, focal_length_mm,
     focus_distance_m, pixel_pitch_x_um, pixel_pitch_y_um,
-    width_px AS frame_width_px, height_px AS frame_height_px
+    width_px AS frame_width_px, height_px AS frame_height_px, fx_px AS frame_fx_px,
+    fy_px AS frame_fy_px, cx_px AS frame_cx_px, cy_px AS frame_cy_px,
+    distortion_model AS frame_distortion_model, distortion AS frame_distortion,
+    intrinsics_source AS frame_intrinsics_source
 FROM frames WHERE recording_id = $recording AND camera = $camera
     AND frame_index BETWEEN $first AND $last
 """
@@ -41,6 +44,21 @@ def tracks_of(store: Store, recording_id: str, object_class: str) -> pa.Table:
         GROUP BY ALL ORDER BY camera, first_frame_index, track_id
         """,
         params={"recording": recording_id, "class": object_class},
+    ).to_arrow_table()
+
+
+def lenses_of(store: Store, recording_id: str, camera: str) -> pa.Table:
+    """Return the known lenses of a camera's frames as in the table `frames`, that of most first."""
+    return store.connection.sql(
+        """
+        SELECT
+            width_px, height_px, fx_px, fy_px, cx_px, cy_px, intrinsics_source,
+            first(distortion_model ORDER BY frame_index) AS distortion_model,
+            first(distortion ORDER BY frame_index) AS distortion
+        FROM frames WHERE recording_id = $recording AND camera = $camera AND fx_px IS NOT NULL
+        GROUP BY ALL ORDER BY count(*) DESC, min(frame_index)
+        """,
+        params={"recording": recording_id, "camera": camera},
     ).to_arrow_table()
 
 
@@ -78,8 +96,11 @@ def observed(
     ).to_arrow_table()
     others = store.connection.sql(
         f"""
-        SELECT observation_index, frame_index, x_min_px, y_min_px, x_max_px, y_max_px
+        SELECT
+            observation_index, frame_index, x_min_px, y_min_px, x_max_px, y_max_px,
+            COLUMNS('^frame_[^i]')
         FROM observations SEMI JOIN (SELECT frame_index {_OWN}) USING (frame_index)
+        JOIN ({_LENS}) USING (camera, frame_index)
         WHERE recording_id = $recording AND camera = $camera
             AND frame_index BETWEEN $first AND $last AND track_id NOT IN (SELECT unnest($tracks))
         ORDER BY observation_index

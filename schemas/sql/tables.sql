@@ -146,7 +146,14 @@ CREATE TABLE IF NOT EXISTS frames (
     luminance             DOUBLE,
     clipped_fraction      DOUBLE,
     ev100                 DOUBLE,
-    scene_luminance_cd_m2 DOUBLE
+    scene_luminance_cd_m2 DOUBLE,
+    fx_px                 DOUBLE,
+    fy_px                 DOUBLE,
+    cx_px                 DOUBLE,
+    cy_px                 DOUBLE,
+    distortion_model      VARCHAR,
+    distortion            DOUBLE[],
+    intrinsics_source     VARCHAR
 );
 COMMENT ON TABLE frames IS 'One row for each frame: its times, its exposure and its brightness.';
 COMMENT ON COLUMN frames.recording_id IS 'The recording.';
@@ -175,6 +182,13 @@ COMMENT ON COLUMN frames.pixel_pitch_y_um IS 'Vertical pitch of the pixels of th
 COMMENT ON COLUMN frames.luminance IS 'Mean relative luminance of the picture, linear light, 0..1 (Eq. 15).';
 COMMENT ON COLUMN frames.clipped_fraction IS 'Share of the pixels that are black or white.';
 COMMENT ON COLUMN frames.ev100 IS 'Exposure value at ISO 100.';
+COMMENT ON COLUMN frames.fx_px IS 'Focal length of the lens of this picture in horizontal pixels; NULL where it is not known. Boxes are taken to the lens of `cameras`, which most pictures have.';
+COMMENT ON COLUMN frames.fy_px IS 'The same in vertical pixels.';
+COMMENT ON COLUMN frames.cx_px IS 'Principal point of this picture, horizontal.';
+COMMENT ON COLUMN frames.cy_px IS 'Principal point of this picture, vertical.';
+COMMENT ON COLUMN frames.distortion_model IS 'Distortion model of the lens of this picture, or empty.';
+COMMENT ON COLUMN frames.distortion IS 'Coefficients of that model.';
+COMMENT ON COLUMN frames.intrinsics_source IS 'Origin of fx_px and fy_px of this picture: recording, camera_file or lens_data.';
 COMMENT ON COLUMN frames.scene_luminance_cd_m2 IS 'Luminance of a scene that this exposure renders mid-grey.';
 
 CREATE TABLE IF NOT EXISTS background_lines (

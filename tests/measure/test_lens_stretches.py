@@ -99,3 +99,14 @@ def test_odd_pictures_do_not_change_the_others(
     right = [row["depth_m"] for row in depths if row["frame_index"] not in odd]
     assert len(right) == 2 * (12 - len(odd))
     assert right == pytest.approx([10.0] * len(right), rel=0.05)
+
+
+def test_a_zoom_by_lens_data_alone_is_another_lens() -> None:
+    lenses = LensStretches()
+    first, _ = lenses.of_frame((640, 480), None, 900.0)
+    again, is_new = lenses.of_frame((640, 480), None, 903.0)
+    assert again is first
+    assert not is_new
+    assert lenses.of_frame((640, 480), None, 1800.0)[1]
+    assert lenses.of_frame((640, 480), None)[1]
+    assert not lenses.of_frame((640, 480), None)[1]
