@@ -13,13 +13,14 @@ ADVICE: Mapping[str, str] = {
     "inspect` shows what the recording says",
     "pose_undetermined": "give camera_height_m and tilt_deg in a camera file, or record longer, until "
     "enough people have walked through",
-    "size_unknown": "add a [[size_prior]] for this class to the camera file, or calibrate with truth",
+    "size_unknown": "add a [[size_prior]] for this class to the camera file, or calibrate with truth; if "
+    "it is another name for a class that has one, say so in [[class_name]]",
     "method_not_applicable": "calibrate on these objects (`stadimeter calibrate`), or leave the method "
     "aside: the others do not need it",
     "doubtful_calibration": "check the calibration of this camera; what a camera file gives goes first",
     "focal_length_contradicted": "check the lens data; give fx_px in a camera file to settle it",
     "moving_camera": "split the recording where the camera moved; one pose holds for one view",
-    "size_changed": "record one size a camera, or split the recording where the size changes",
+    "size_changed": "record one size a camera, or state a calibration of these pictures too",
     "no_images": "check the topics with `stadimeter inspect`; pictures are found by their schema",
     "missing_library": "install the extra that is named, then run again",
     "unsupported_channel": "convert the channel, or leave it: nothing of it was used",

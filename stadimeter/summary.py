@@ -14,7 +14,12 @@ if TYPE_CHECKING:
 # Two-sided 95 % of a normal distribution, in standard deviations.
 NORMAL_95 = 1.96
 # Findings of severity `info` that say what the numbers rest on; they are told with the warnings.
-FOUNDATIONS = ("scale_from_statures", "focal_length_from_walkers", "rounded_focal_length")
+FOUNDATIONS = (
+    "scale_from_statures",
+    "focal_length_from_walkers",
+    "rounded_focal_length",
+    "class_renamed",
+)
 # Findings that say why objects have no depth, most telling first.
 REASONS = (
     "no_lens_data",
@@ -194,7 +199,7 @@ def summarize(
             for one in ids
             if one in by_id
         ),
-        tuple(_findings(notes)),
+        tuple(_findings(notes, len(ids))),
     )
 
 
@@ -228,11 +233,23 @@ def _with_reasons(
     return Unmeasured(**row, reasons=tuple(found), advice=tuple(advice))
 
 
-def _findings(notes: list[dict[str, Any]]) -> list[Finding]:
+def _matched_nowhere(notes: list[dict[str, Any]], recordings: int) -> set[str]:
+    """Return the entries of the camera file that match no camera of any recording."""
+    places: dict[str, set[str]] = {}
+    for note in notes:
+        if note["code"] == "unmatched_camera":
+            places.setdefault(note["camera"], set()).add(note["recording_id"])
+    return {entry for entry, found in places.items() if len(found) >= recordings}
+
+
+def _findings(notes: list[dict[str, Any]], recordings: int) -> list[Finding]:
     """Return warnings, errors and foundations, equal ones of several recordings as one."""
     gravity = {"error": 0, "warning": 1, "info": 2}
     groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
+    nowhere = _matched_nowhere(notes, recordings)
     for note in notes:
+        if note["code"] == "unmatched_camera" and note["camera"] in nowhere:
+            note["severity"] = "error"
         if note["severity"] != "info" or note["code"] in FOUNDATIONS:
             key = (note["severity"], note["code"], note["message"])
             groups.setdefault(key, []).append(note)

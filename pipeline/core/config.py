@@ -303,6 +303,14 @@ class CameraConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class ClassName:
+    """A class as the recordings write it, such as "0" or "Fussgaenger", and the name that is used."""
+
+    stated: str
+    object_class: str
+
+
+@dataclass(frozen=True, slots=True)
 class Config:
     """Everything that a run can be told."""
 
@@ -315,6 +323,7 @@ class Config:
     timeline: TimelineConfig = TimelineConfig()
     camera: tuple[CameraConfig, ...] = ()
     size_prior: tuple[SizePrior, ...] = (ADULT,)
+    class_name: tuple[ClassName, ...] = ()
     calibration: tuple[Calibration, ...] = ()
 
     @property

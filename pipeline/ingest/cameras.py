@@ -109,7 +109,8 @@ def unmatched(
 ) -> Iterator[Diagnostic]:
     """Yield a note for each entry, and each field that it names, that matches nothing.
 
-    They are warnings: a camera file may serve many recordings.
+    An entry without a camera is a warning: a camera file may serve many recordings. Who sees them all
+    knows whether it is an error (`stadimeter.summary`).
 
     Args:
         entries: cameras of the camera file.
@@ -119,14 +120,15 @@ def unmatched(
     """
     names = set(cameras) | set(cameras.values())
     missing = [entry.name for entry in entries if entry.name not in names]
-    if missing and cameras:
-        there = ", ".join(f"{name!r} on {topic!r}" for name, topic in cameras.items())
+    some = list(cameras.items())[:MOST_NAMED]
+    there = ", ".join(f"{name!r} on {topic!r}" for name, topic in some)
+    for name in missing[:MOST_NAMED] if cameras else ():
         yield Diagnostic(
             Severity.WARNING,
             "unmatched_camera",
-            f"the camera file's {', '.join(map(repr, missing[:MOST_NAMED]))} match no camera of this "
-            f"recording, so what is stated there is not used; its cameras are {there}. Name one by its "
-            "frame_id or by its topic",
+            f"the camera file's entry {name!r} matches no camera of this recording, so what it states is "
+            f"not used; the cameras are {there}. Name one by its frame_id or by its topic",
+            camera=name,
         )
     for entry in entries:
         if entry.name in missing:

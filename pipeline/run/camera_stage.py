@@ -30,6 +30,7 @@ from pipeline.detect.pose_verify import PoseVerifier
 from pipeline.detect.verify import Verifier, make_verifier
 from pipeline.images.decode import Picture, decode
 from pipeline.images.raw import compressed
+from pipeline.ingest.class_names import ClassNames
 from pipeline.ingest.plausibility import inside_picture
 from pipeline.ingest.pose import CameraPose
 from pipeline.measure.appearance import colours as colours_of
@@ -86,6 +87,7 @@ class CameraStage:
         self.stretch: LensStretch | None = None  # of the last picture
         self.config = config
         self._settings = config.camera_named(camera)
+        self._names = ClassNames(config)
         self._notes = notes
         self._size_px = NO_SIZE
         self._learning = self.detector.learning_s > 0
@@ -98,6 +100,7 @@ class CameraStage:
 
         Frames that wait are encoded, so they are small; pictures for learning are decoded from them.
         """
+        frame = self._with_known_classes(frame)
         if not self._learning:
             return [frame]
         self._waiting.append(compressed(frame))
@@ -106,6 +109,15 @@ class CameraStage:
         if waited_s < self.detector.learning_s and self._held_bytes < LEARNING_BYTES:
             return []
         return self.release()
+
+    def _with_known_classes(self, frame: Frame) -> Frame:
+        """Return a frame whose classes have the names that sizes go by, and say what was renamed."""
+        frame = self._names.in_frame(frame)
+        for stated, used in self._names.told():
+            text = f"the class {stated!r} of the recording is taken for {used!r}"
+            note = self._diagnostic(frame, "class_renamed", text)
+            self._notes.add(replace(note, severity=Severity.INFO))
+        return frame
 
     def release(self) -> list[Frame]:
         """End the learning time and return the frames that waited, in order."""
@@ -289,15 +301,16 @@ class CameraStage:
         return row.with_rectified(usual.rectified if row.intrinsics_source == "recording" else None)
 
     def _note(self, frame: Frame, code: str, message: str) -> None:
-        self._notes.add(
-            Diagnostic(
-                Severity.WARNING,
-                code,
-                message,
-                camera=self.camera,
-                topic=frame.topic,
-                log_time_ns=frame.log_time_ns,
-            )
+        self._notes.add(self._diagnostic(frame, code, message))
+
+    def _diagnostic(self, frame: Frame, code: str, message: str) -> Diagnostic:
+        return Diagnostic(
+            Severity.WARNING,
+            code,
+            message,
+            camera=self.camera,
+            topic=frame.topic,
+            log_time_ns=frame.log_time_ns,
         )
 
 
