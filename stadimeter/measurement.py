@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from pipeline.run.recordings import RunResult
 
 
+LONGEST_WINDOW_S = 86_400.0  # a day
+
+
 class DamageWarning(UserWarning):
     """Recordings were measured, but a part of them was lost to damage."""
 
@@ -146,7 +149,8 @@ def measure_parts(
         engine: `local`, or `ray` (needs the extra `ray`).
         address: address of a running Ray cluster; None starts one on this machine.
         workers: number of tasks at a time, if no cluster is running already.
-        window_s: length in seconds of the windows that long recordings are cut into; 0 cuts none.
+        window_s: length in seconds of the windows that long recordings are cut into; 0 cuts none, else
+            at least a second.
         label: name of the run, to compare it with others.
         strict: as in `measure`.
         progress: as in `measure`.
@@ -168,6 +172,10 @@ def measure_parts(
     _check_workers(workers)
     if address is not None and engine != "ray":
         raise UsageError("an address belongs to the engine ray")
+    if window_s != 0 and not 1 <= window_s <= LONGEST_WINDOW_S:
+        raise UsageError(
+            f"windows of {window_s:g} s: it must be 0, or at least 1 and at most {LONGEST_WINDOW_S:g}"
+        )
     config = _with_detector(config_of(camera), detector, model, model_family)
     folder = Path(parts).parent if videos is None else Path(videos)
     inputs = inputs_of(paths_of(recordings), folder, config, report_of(progress))

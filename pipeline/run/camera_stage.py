@@ -30,12 +30,12 @@ from pipeline.detect.pose_verify import PoseVerifier
 from pipeline.detect.verify import Verifier, make_verifier
 from pipeline.images.decode import Picture, decode
 from pipeline.images.raw import compressed
-from pipeline.ingest.class_names import ClassNames
 from pipeline.ingest.plausibility import inside_picture
 from pipeline.ingest.pose import CameraPose
 from pipeline.measure.appearance import colours as colours_of
 from pipeline.measure.background_lines import Backdrop
 from pipeline.measure.camera_motion import CameraMotion
+from pipeline.measure.class_names import ClassNames
 from pipeline.measure.lens_stretches import LensStretch, LensStretches
 from pipeline.measure.observations import Seen, luminance_inside, seen_whole
 from pipeline.track.tracker import Tracker

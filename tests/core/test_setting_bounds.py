@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import stadimeter
 from pipeline.core.config import Config, load_config
 from pipeline.core.errors import UsageError
 from pipeline.core.setting_bounds import impossible_settings
@@ -109,3 +110,17 @@ def test_all_problems_are_named_at_once(tmp_path: Path):
 
 def test_the_defaults_are_possible():
     assert impossible_settings(Config()) == []
+
+
+@pytest.mark.parametrize("window_s", [-5.0, math.nan, math.inf, 0.2])
+def test_impossible_windows_are_refused_before_any_work(tmp_path: Path, window_s: float):
+    with pytest.raises(UsageError, match="at least 1"):
+        stadimeter.measure_parts([tmp_path / "a.mcap"], tmp_path / "parts", window_s=window_s)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("workers", [0, -3])
+def test_impossible_workers_are_refused_before_any_work(tmp_path: Path, workers: int):
+    with pytest.raises(UsageError, match="at least 1"):
+        stadimeter.measure([tmp_path / "a.mcap"], tmp_path / "x.duckdb", workers=workers)
+    assert not list(tmp_path.iterdir())

@@ -23,6 +23,7 @@ FREE_MEAN_STD = 0.3  # relative
 # the other (Whittle, Gait Analysis: vertical excursion of the trunk 46 mm).
 GAIT_STD = 0.02  # of the stature
 USUAL_M = 1.7
+FARTHEST_M = 1e4  # of a known distance: the ground is a plane no farther
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,18 @@ class KnownLengths:
 NOTHING_KNOWN = KnownLengths()
 
 
+def check_inside(points_px: FloatArray, measured: Measured) -> None:
+    """Refuse points that are not in the camera's pictures."""
+    lens = measured.intrinsics
+    if lens is None:
+        return
+    size_px = (lens.width_px, lens.height_px)
+    if not ((points_px >= -0.5) & (points_px <= np.array(size_px) - 0.5)).all():
+        raise UsageError(
+            f"a point of a known length lies outside of the pictures of {size_px[0]} x {size_px[1]} px"
+        )
+
+
 def check_known(known: KnownLengths, measured: Measured) -> None:
     """Refuse what is known if it makes no sense."""
     for person in known.heights:
@@ -66,8 +79,14 @@ def check_known(known: KnownLengths, measured: Measured) -> None:
         if not (0.2 < person.height_m < 3.0 and person.std_m > 0):
             raise UsageError(f"no person is {person.height_m} m tall")
     for distance in known.distances:
-        if not (distance.distance_m > 0 and np.ptp(distance.points_px, axis=0).max() > 1):
+        if not np.ptp(distance.points_px, axis=0).max() > 1:
             raise UsageError("a known distance needs two points that are apart, and its length")
+        if not 0 < distance.distance_m <= FARTHEST_M:
+            raise UsageError(
+                f"a known distance of {distance.distance_m:g} m: it must be more than 0 and at most "
+                f"{FARTHEST_M:g} m"
+            )
+        check_inside(distance.points_px, measured)
 
 
 def scale_of(

@@ -147,6 +147,8 @@ def test_a_known_distance_overrides_the_population() -> None:
         KnownLengths(heights=(KnownHeight(0, 18.0),)),
         KnownLengths(distances=(KnownDistance(np.array([[10.0, 10.0], [90.0, 10.0]]), -1.0),)),
         KnownLengths(distances=(KnownDistance(np.array([[10.0, 10.0], [10.0, 10.0]]), 1.0),)),
+        KnownLengths(distances=(KnownDistance(np.array([[10.0, 10.0], [90.0, 10.0]]), np.inf),)),
+        KnownLengths(distances=(KnownDistance(np.array([[10.0, 10.0], [1e9, 10.0]]), 2.0),)),
     ],
 )
 def test_what_cannot_be_known_is_refused(known: KnownLengths) -> None:

@@ -10,13 +10,13 @@ import stadimeter
 from pipeline.core.calibration import Dimension
 from pipeline.core.config import ClassName, Config, SizePrior
 from pipeline.core.records import Intrinsics
-from pipeline.ingest.class_names import ClassNames
 from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
     image_message,
     timestamp,
 )
+from pipeline.measure.class_names import ClassNames
 from schemas.stadimeter_pb2 import Detections
 from stadimeter.advice import advice_for
 from tests.run.test_recordings import CAMERA, INTRINSICS, LEVEL, START_NS, jpeg
