@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from stadimeter.outputs import Reviewed, export, report, review
     from stadimeter.recordings import inspect
     from stadimeter.results import Relation, Results, merge, open
+    from stadimeter.statements import marks_page, statement
     from stadimeter.summary import (
         CameraSummary,
         Finding,
@@ -127,6 +128,7 @@ _MODULES = {
         "measure_parts",
     ),
     "stadimeter.outputs": ("Reviewed", "export", "report", "review"),
+    "stadimeter.statements": ("marks_page", "statement"),
     "stadimeter.verification": ("verify",),
     "stadimeter.recordings": ("inspect",),
     "stadimeter.results": ("Relation", "Results", "merge", "open"),
@@ -202,12 +204,14 @@ __all__ = [
     "import_video",
     "inspect",
     "load_config",
+    "marks_page",
     "measure",
     "measure_parts",
     "merge",
     "open",
     "report",
     "review",
+    "statement",
     "summarize",
     "truth",
     "verify",

@@ -21,7 +21,7 @@ FLOORS: dict[int, tuple[str, ...]] = {
     10: ("recordings",),
     9: ("pipeline.cli",),
     8: ("stadimeter",),
-    7: ("pipeline.cluster",),
+    7: ("pipeline.cluster", "pipeline.statement"),
     6: ("pipeline.run",),
     5: ("pipeline.calibrate", "pipeline.export", "pipeline.importing", "dashboards"),
     4: ("pipeline.ingest", "pipeline.estimate", "pipeline.truth"),

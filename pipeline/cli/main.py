@@ -17,7 +17,6 @@ from pipeline.cli import (
     merge,
     models,
     query,
-    report,
     review,
     run,
     truth,
@@ -25,6 +24,7 @@ from pipeline.cli import (
 )
 from pipeline.cli.console import err, safe, stdout_is_closed
 from pipeline.cli.exit_codes import DONE, FAILED, INTERRUPTED, USAGE
+from pipeline.cli.pages import report, statement
 from pipeline.core.errors import StadimeterError, UsageError
 
 # In the order of the help. Each has `add`, which adds its arguments, and `call`.
@@ -39,6 +39,7 @@ COMMANDS = (
     query,
     merge,
     report,
+    statement,
     export,
     review,
     verify,

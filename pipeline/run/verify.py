@@ -81,7 +81,7 @@ def _verify(
     if frames <= 0:
         return Verified(name, "")
     chosen = _chosen(store, row["recording_id"], frames, seed)
-    config = _config_of(store, row["run_id"])
+    config = config_of(store, row["run_id"])
     stored = _rows_of(store, row["recording_id"], row["run_id"], chosen)
     with tempfile.TemporaryDirectory(prefix="stadimeter-") as folder:
         times = StageTimes()
@@ -112,7 +112,13 @@ def _sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _config_of(store: Store, run_id: str) -> Config:
+def config_of(store: Store, run_id: str) -> Config:
+    """Return the configuration that a stored run kept.
+
+    Raises:
+        StoreError: the run is not in the database.
+        UsageError: it is of another version, which had other settings.
+    """
     found = store.query("SELECT configuration FROM runs WHERE run_id = ?", [run_id]).to_pylist()
     if not found:
         raise StoreError("the run that measured it is not in the database", where=Where(store.path))

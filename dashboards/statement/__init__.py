@@ -1,0 +1,1 @@
+"""The statement on one person or pair: a page that is handed in."""
