@@ -123,7 +123,9 @@ def marks_page(
     if not pictures:
         raise UsageError(f"no picture of {evidence.recording['path']} could be read")
     shown = [encoded(picture, index) for index, picture in sorted(pictures.items())]
-    write_marks_page(shown, evidence.recording["file_name"], track, Path(output))
+    sides = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")
+    boxes = {f["frame_index"]: [f[side] for side in sides] for f in chosen}
+    write_marks_page(shown, boxes, evidence.recording["file_name"], track, Path(output))
     return Path(output)
 
 

@@ -91,15 +91,31 @@ def write_statement(sheet: Sheet, target: Path) -> None:
 
 
 def write_marks_page(
-    pictures: Sequence[Shown], file_name: str, track_id: int, target: Path
+    pictures: Sequence[Shown],
+    boxes: Mapping[int, Sequence[float]],
+    file_name: str,
+    track_id: int,
+    target: Path,
 ) -> None:
     """Write a page on which a person clicks head and feet, and saves the marks as a CSV.
+
+    Args:
+        pictures: whole ones.
+        boxes: of the person in each, by number of the frame.
+        file_name: of the recording.
+        track_id: of the person.
+        target: HTML file to write.
 
     Raises:
         MissingLibrary: the extra `report` is not installed.
         StadimeterError: the file cannot be written.
     """
-    values = {"pictures": pictures, "file_name": file_name, "track_id": track_id}
+    values = {
+        "pictures": pictures,
+        "boxes": boxes,
+        "file_name": file_name,
+        "track_id": track_id,
+    }
     _write(MARKS_TEMPLATE, target, values)
 
 

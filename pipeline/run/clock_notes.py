@@ -18,8 +18,8 @@ from pipeline.core.records import Diagnostic, GroundPlane, Severity
 # Free walking out of doors: studies have means of 1.80 to 2.00 steps a second (Pachi and Ji 2005,
 # Zivanovic 2005, Matsumoto 1978, Bachmann 1987), people within one a deviation of 0.11 to 0.19.
 CADENCE_HZ, CADENCE_GROUP_STD, CADENCE_PERSON_STD = 1.9, 0.05, 0.09
-# Who strolls takes 1.5 to 1.7 steps a second (slow walk: 1.7, Bachmann and Ammann 1987), and at some places
-# all do; but nowhere do all hurry. Below the mean whole groups differ by more.
+# Who strolls takes 1.5 to 1.7 steps a second (slow walk: 1.7, Bachmann and Ammann 1987), and at some
+# places all do; but nowhere do all hurry. Below the mean whole groups differ by more.
 STROLLING_STD = 0.12
 # Speed beside cadence, on surveyed cameras: 1.385 m/s (cadence / 1.9 Hz)^1.5. Its deviations are of one
 # person (stature and habit), and of the mean of those who are at one place; relative.
