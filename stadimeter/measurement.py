@@ -52,7 +52,8 @@ def measure(
     timelines: PathLike | None = None,
     preview_px: int | None = None,
     split_minutes: float | None = None,
-    workers: int = 1,
+    workers: int | None = None,
+    window_s: float = 300.0,
     label: str | None = None,
     strict: bool = True,
     progress: OnProgress = None,
@@ -74,7 +75,10 @@ def measure(
         timelines: folder for a Rerun timeline of each recording; None writes none.
         preview_px: longer side of the timelines' pictures, in pixels; None keeps them as recorded.
         split_minutes: length of a timeline, in minutes; None takes that of the camera file.
-        workers: number of processes, each with a recording at a time.
+        workers: number of processes at a time; None takes as many as are worth their start, at most one
+            a core. Results do not depend on it.
+        window_s: length in seconds of the windows that long recordings are cut into, to be measured side
+            by side; 0 cuts none, else at least a second.
         label: name of the run, to compare it with others.
         strict: raise if a recording cannot be measured, and warn of damage, after all are done.
             Otherwise look at `failed` and `damaged` of the result.
@@ -96,6 +100,7 @@ def measure(
     from stadimeter.inputs import inputs_of
 
     _check_workers(workers)
+    _check_window(window_s)
     config = _with_detector(config_of(camera), detector, model, model_family)
     config = with_timelines(config, preview_px, split_minutes)
     folder = Path(db).parent if videos is None else Path(videos)
@@ -106,6 +111,7 @@ def measure(
         config,
         timelines=None if timelines is None else _timelines(Path(timelines)),
         workers=workers,
+        window_s=window_s,
         label=label,
         report=report_of(progress),
     )
@@ -127,8 +133,8 @@ def measure_parts(
     model_family: str | None = None,
     engine: Literal["local", "ray"] = "local",
     address: str | None = None,
-    workers: int = 1,
-    window_s: float = 600.0,
+    workers: int | None = None,
+    window_s: float = 300.0,
     label: str | None = None,
     strict: bool = True,
     progress: OnProgress = None,
@@ -148,7 +154,7 @@ def measure_parts(
         model_family: as in `measure`.
         engine: `local`, or `ray` (needs the extra `ray`).
         address: address of a running Ray cluster; None starts one on this machine.
-        workers: number of tasks at a time, if no cluster is running already.
+        workers: number of tasks at a time, if no cluster is running already; None takes one a core.
         window_s: length in seconds of the windows that long recordings are cut into; 0 cuts none, else
             at least a second.
         label: name of the run, to compare it with others.
@@ -172,10 +178,7 @@ def measure_parts(
     _check_workers(workers)
     if address is not None and engine != "ray":
         raise UsageError("an address belongs to the engine ray")
-    if window_s != 0 and not 1 <= window_s <= LONGEST_WINDOW_S:
-        raise UsageError(
-            f"windows of {window_s:g} s: it must be 0, or at least 1 and at most {LONGEST_WINDOW_S:g}"
-        )
+    _check_window(window_s)
     config = _with_detector(config_of(camera), detector, model, model_family)
     folder = Path(parts).parent if videos is None else Path(videos)
     inputs = inputs_of(paths_of(recordings), folder, config, report_of(progress))
@@ -221,9 +224,16 @@ def _timelines(folder: Path) -> Timelines:
     return Timelines(folder, write_timelines)
 
 
-def _check_workers(workers: int) -> None:
-    if workers < 1:
+def _check_workers(workers: int | None) -> None:
+    if workers is not None and workers < 1:
         raise UsageError(f"the number of workers must be at least 1, not {workers}")
+
+
+def _check_window(window_s: float) -> None:
+    if window_s != 0 and not 1 <= window_s <= LONGEST_WINDOW_S:
+        raise UsageError(
+            f"windows of {window_s:g} s: it must be 0, or at least 1 and at most {LONGEST_WINDOW_S:g}"
+        )
 
 
 def _with_detector(

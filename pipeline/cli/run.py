@@ -53,7 +53,20 @@ def add(commands: Commands) -> None:
         help="a network (ONNX) that tells which tracks are people; with --detector onnx it finds them",
     )
     parser.add_argument("--model-family", metavar="NAME", help="where its outputs fit several")
-    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        help="processes at a time (default: as many as pay, up to one a core); results are the same",
+    )
+    parser.add_argument(
+        "--split",
+        type=float,
+        default=300.0,
+        metavar="S",
+        help="cut long recordings into windows of about so many seconds, which are measured side by "
+        "side; 0: leave them whole (default: 300)",
+    )
     _add_shared(parser)
     parser.add_argument("--label", help="a name for this run, to compare it with others")
     parser.add_argument("--profile", action="store_true", help="print what each stage took")
@@ -88,6 +101,7 @@ def call(arguments: argparse.Namespace) -> int:
             preview_px=arguments.rrd_preview,
             split_minutes=arguments.rrd_split,
             workers=arguments.workers,
+            window_s=arguments.split,
             label=arguments.label,
             strict=False,
             progress=progress,
@@ -118,13 +132,6 @@ def _add_shared(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--engine", choices=("local", "ray"), default="local")
     group.add_argument("--address", help="a running Ray cluster (default: start a local one)")
-    group.add_argument(
-        "--split",
-        type=float,
-        default=600.0,
-        metavar="S",
-        help="cut long recordings into windows of so many seconds; 0: leave them whole",
-    )
 
 
 def _call_shared(arguments: argparse.Namespace) -> int:

@@ -3,8 +3,6 @@
 shared_run:      the recordings that are missing, handed out as tasks
 engine:          Ray, as an engine that runs tasks
 tasks:           a recording, a window of one, or the joining of windows, as one task each
-split:           a window of a long recording, read alone
-stitch:          windows of one recording put together again
 manifest:        the files of a finished recording, described
 results_folder:  finished recordings, asked with SQL or merged into a database
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from pipeline import __version__
 from pipeline.cluster.engine import ray_engine
 from pipeline.cluster.manifest import Manifest, Source, read_manifests
-from pipeline.cluster.split import Plan
 from pipeline.cluster.tasks import Run, join, work, work_window
 from pipeline.core.config import Config
 from pipeline.core.errors import StadimeterError, UsageError, Where
@@ -21,9 +20,8 @@ from pipeline.core.progress import Progress, Report, silent
 from pipeline.mcap_file.bag import is_recording
 from pipeline.parallel.processes import Engine, local_engine
 from pipeline.run.recordings import begin
-
-# Windows of a long recording: 7 % of it is read twice (`split.OVERLAP_S`), and a day is 144 tasks.
-WINDOW_S = 600.0
+from pipeline.run.windows.course import usable_cores, usual_processes, windows_of
+from pipeline.run.windows.split import WINDOW_S, Plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +60,7 @@ def run_shared(
     *,
     engine: str = "local",
     address: str | None = None,
-    workers: int = 1,
+    workers: int | None = None,
     window_s: float = WINDOW_S,
     label: str | None = None,
     report: Report = silent,
@@ -75,7 +73,7 @@ def run_shared(
         config: how to work them.
         engine: `local` or `ray`.
         address: a running Ray cluster; None starts one on this machine.
-        workers: tasks at a time, where no cluster is running already.
+        workers: tasks at a time, where no cluster is running already; None takes one a core.
         window_s: recordings longer than one and a half times this are cut; 0 leaves all whole.
         label: a name for the run.
         report: is told what is done.
@@ -93,7 +91,7 @@ def run_shared(
     result = SharedResult(begun.run_id)
     missing = _missing([p.absolute() for p in recordings], run, result)
     if missing:
-        with _engine(engine, address, workers) as started:
+        with _engine(engine, address, workers or _usual(engine, missing, run)) as started:
             _Course(started, run, result, report).follow(missing)
     return result
 
@@ -104,6 +102,13 @@ def _engine(name: str, address: str | None, workers: int) -> AbstractContextMana
         if name == "ray"
         else local_engine(workers, loads=[work.__module__])
     )
+
+
+def _usual(engine: str, paths: list[Path], run: Run) -> int:
+    """Return how many tasks are done at a time if nobody says it."""
+    if engine == "ray":
+        return usable_cores()
+    return usual_processes(paths, windows_of(paths, run.config, run.window_s))
 
 
 def _missing(paths: list[Path], run: Run, result: SharedResult) -> list[Path]:

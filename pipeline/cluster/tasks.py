@@ -12,7 +12,7 @@ import json
 import shutil
 import tempfile
 import uuid
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -25,13 +25,13 @@ from pipeline.cluster.manifest import (
     write_manifest,
 )
 from pipeline.cluster.results_folder import export
-from pipeline.cluster.split import Plan, Window, WindowFile, plan_windows
-from pipeline.cluster.stitch import stitch
 from pipeline.core.config import Config
 from pipeline.core.errors import StadimeterError
 from pipeline.core.timing import StageTimes
 from pipeline.run.pass_one import measure_recording
 from pipeline.run.recording import add_failure, attempt, stored_alone
+from pipeline.run.windows.split import Plan, Window, WindowFile, plan_windows
+from pipeline.run.windows.stitch import refused_pictures, stitch, summed_row
 from pipeline.store.database import Store
 from pipeline.store.recordings import RecordingRow
 from pipeline.store.runs import finish_run
@@ -119,32 +119,17 @@ def _joined(path: Path, run: Run, plan: Plan) -> Manifest:
     source = Source.of(path)
     rows = [_row_of(folder) for folder in folders]
     with tempfile.TemporaryDirectory(prefix="stadimeter-") as name:
-        stitch(folders, plan.windows, Path(name), run.config.track)
-        row = _summed(rows, Path(name), path)
+        if any(map(refused_pictures, rows, folders)):
+            row = measure_recording(path, run.config, Path(name), threads=1)
+        else:
+            stitch(folders, plan.windows, Path(name), run.config.track)
+            row = summed_row(rows, Path(name), path)
         return _finish(row, source, Path(name), run)
 
 
 def _row_of(folder: Path) -> RecordingRow:
     known = json.loads((folder / _DONE).read_text(encoding="utf-8"))
     return RecordingRow(**known | {"path": Path(known["path"])})
-
-
-def _summed(rows: list[RecordingRow], parts: Path, path: Path) -> RecordingRow:
-    """Return the row of the whole recording; frames of overlaps are counted once."""
-    import pyarrow.compute as pc
-    import pyarrow.parquet as pq
-
-    frames = pq.read_table(parts / "frames.parquet", columns=["log_time_ns", "decoded"])
-    span = pc.min_max(frames["log_time_ns"])
-    return replace(
-        rows[0],
-        path=path,
-        start_time_ns=span["min"].as_py(),
-        end_time_ns=span["max"].as_py(),
-        frame_count=frames.num_rows,
-        frames_lost=frames.num_rows - pc.sum(frames["decoded"]).as_py() if len(frames) else 0,
-        damaged=any(row.damaged for row in rows),
-    )
 
 
 def _finish(row: RecordingRow, source: Source, parts: Path, run: Run) -> Manifest:

@@ -78,6 +78,12 @@ class StageTimes:
         """Add to a stage's time."""
         self.spent[stage] = self.spent.get(stage, NOTHING) + spent
 
+    def add_all(self, other: StageTimes) -> None:
+        """Add the times of a part of the work that was done elsewhere."""
+        for stage, spent in other.spent.items():
+            self.add(stage, spent)
+        self.threads.update(other.threads)
+
     def stage(self, name: str) -> Stopwatch:
         """Return a context in which time counts for a stage."""
         return _Stage(self, name)

@@ -114,6 +114,18 @@ def _measured_and_estimated(work: Work, outcome: Outcome) -> None:
     row = measure_recording(
         work.path, work.config, parts, threads=work.threads, report=tell, times=outcome.times
     )
+    finish_measured(work, row, parts, outcome)
+
+
+def finish_measured(work: Work, row: RecordingRow, parts: Path, outcome: Outcome) -> None:
+    """Estimate a recording whose pictures are measured, leave its rows as files, write its timelines.
+
+    Args:
+        work: the recording.
+        row: its facts.
+        parts: folder of what pass 1 left.
+        outcome: is completed.
+    """
     tell(Progress(work.path.name, "estimate", row.frame_count, 1.0))
     roomy = work.timelines is not None
     with stored_alone(

@@ -2,6 +2,9 @@
 
     work each (`recording`: measure -> estimate -> timeline -> rows as files) -> take its rows in
 
+A long one is measured in windows, side by side (`windows.course`); results are the same for any number of
+processes.
+
 A recording is committed whole, with its estimates, or not at all. Only this process writes to the
 database, because DuckDB lets one in; each recording hands over Parquet files, wherever it was worked.
 """
@@ -27,12 +30,20 @@ from pipeline.core.errors import RowsRefused, StadimeterError, StoreError, Where
 from pipeline.core.files import check_folder
 from pipeline.core.progress import Progress, Report, silent
 from pipeline.importing.provenance import ImportedVideo
-from pipeline.parallel.processes import WorkerLost, local_engine
+from pipeline.parallel.processes import local_engine
 from pipeline.run.pass_two import estimate_recording
-from pipeline.run.recording import Outcome, Timelines, Work, add_failure, attempt, work_alone
+from pipeline.run.recording import Outcome, Timelines, Work, add_failure, attempt
 from pipeline.run.recording_paths import folders_apart
 from pipeline.run.same_evidence import overlaps, same_as_stored
 from pipeline.run.truth import match_again
+from pipeline.run.windows.course import (
+    Course,
+    SharedProgress,
+    task_count,
+    usual_processes,
+    windows_of,
+)
+from pipeline.run.windows.split import WINDOW_S
 from pipeline.store.database import Store
 from pipeline.store.parquet import take_rows
 from pipeline.store.recordings import (
@@ -78,7 +89,8 @@ def run(
     config: Config,
     *,
     timelines: Timelines | None = None,
-    workers: int = 1,
+    workers: int | None = None,
+    window_s: float = WINDOW_S,
     label: str | None = None,
     report: Report = silent,
 ) -> RunResult:
@@ -89,7 +101,10 @@ def run(
         database: to store them in; it is made if there is none.
         config: how to work them.
         timelines: folder and writer of timelines, None for none.
-        workers: processes at a time; one is this process.
+        workers: processes at a time; one is this process, None as many as pay, up to one a core. What
+            comes out does not depend on it.
+        window_s: recordings longer than one and a half times this are cut into windows that are
+            measured side by side; 0 leaves all whole.
         label: a name for the run.
         report: is told what is done.
 
@@ -102,7 +117,8 @@ def run(
     result = RunResult(begun.run_id)
     if timelines is not None:  # told before the work and not after it
         check_folder(timelines.folder, "timelines")
-    processes = min(workers, len(paths))
+    cut = windows_of(paths, config, window_s)
+    processes = min(workers or usual_processes(paths, cut), task_count(paths, cut))
     threads = 1 if processes > 1 else 2
     # A timeline has its recording's name; those of one name go into folders as their recordings do.
     shown_in = folders_apart(paths, timelines.folder) if timelines is not None else {}
@@ -110,7 +126,7 @@ def run(
         _held(database, result) as store,
         ThreadPoolExecutor(1) as aside,
         _folder_beside(database) as folder,
-        local_engine(processes, report, [work_alone.__module__]) as engine,
+        local_engine(processes, SharedProgress(report, cut), [Course.__module__]) as engine,
     ):
         # A new one's tables and views take half a second, which is nobody's to wait for. With one that
         # is there more can go wrong: that is to be known before an hour of footage is measured.
@@ -119,14 +135,14 @@ def run(
             prepared.result()
         if processes <= 1:
             aside.submit(empty_database)  # while the first recording is measured
+        course = Course(cut)
         for n, path in enumerate(paths):
             shown = timelines and replace(timelines, folder=shown_in[path])
             work = Work(path, config, begun, folder / f"{n:06d}", shown, threads)
-            engine.submit(work, work_alone, work)
+            course.submit(engine, work)
         taken: dict[str, int] = {}
-        for work, found in engine.results():
+        for work, outcome in course.results(engine):
             prepared.result()
-            outcome = Outcome(work.path, error=found) if isinstance(found, WorkerLost) else found
             _take(store, outcome, begun.run_id, taken, paths.index(work.path))
             shutil.rmtree(work.folder, ignore_errors=True)
             result.outcomes.append(outcome)

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from pipeline.cluster.manifest import read_manifests
 from pipeline.cluster.shared_run import run_shared
-from pipeline.cluster.split import OVERLAP_S, cut, plan_windows
 from pipeline.core.config import Config
 from pipeline.mcap_file.writer import (
     RecordingWriter,
@@ -19,6 +18,7 @@ from pipeline.mcap_file.writer import (
     image_message,
     timestamp,
 )
+from pipeline.run.windows.split import OVERLAP_S, cut, plan_windows
 from schemas.stadimeter_pb2 import CameraExposure, Detections, GroundTruth
 from tests.run.test_recordings import CAMERA, INTRINSICS, START_NS, jpeg
 

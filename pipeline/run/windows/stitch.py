@@ -9,25 +9,36 @@ them. An object that the recording itself names is one track throughout.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from pipeline.cluster.split import Window
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import TrackConfig
-from pipeline.core.tables import CAMERAS, DIAGNOSTICS, GROUND_TRUTH, PARTS, TRACKS
+from pipeline.core.records import Severity
+from pipeline.core.tables import (
+    BACKGROUND_LINES,
+    CAMERAS,
+    GROUND_TRUTH,
+    PARTS,
+    TRACKS,
+)
+from pipeline.run.windows.notes import stitched_notes
+from pipeline.run.windows.split import Window
 from pipeline.store.parquet_parts import PartWriter
+from pipeline.store.recordings import RecordingRow
 
 # Boxes of one object in one frame, found twice, share nearly all of their area.
 SAME_BOX = 0.5
 _SIDES = ["x_min_px", "y_min_px", "x_max_px", "y_max_px"]
 _FRAME = ["camera", "frame_index"]
 _TRACK = ["camera", "track_id"]
+_LENS = ["width_px", "height_px", "fx_px", "fy_px"]
 
 
 @dataclass(slots=True)
@@ -57,8 +68,10 @@ def stitch(
     seen: list[pd.DataFrame] = []
     following = [*windows[1:], None]
     with PartWriter(target) as parts:
-        parts.write("cameras", _cameras(folders))
-        parts.write("diagnostics", _diagnostics(folders, windows))
+        cameras = _cameras(folders)
+        parts.write("cameras", cameras)
+        parts.write("diagnostics", stitched_notes(folders, windows, cameras))
+        parts.write("background_lines", _background_lines(folders))
         for folder, window, after in zip(folders, windows, following, strict=True):
             frames, observations = _read(folder, "frames"), _read(folder, "observations")
             _number_frames(frames, observations, before)
@@ -232,29 +245,68 @@ def _tracks(seen: pd.DataFrame, config: TrackConfig) -> pa.Table:
 
 
 def _cameras(folders: Sequence[Path]) -> pa.Table:
-    """Return the cameras, each as the first window that saw it with a lens knows it."""
+    """Return the cameras, each with the lens of most windows, as the first of these has it."""
     rows = pd.concat([_read(folder, "cameras") for folder in folders], ignore_index=True)
-    rows = rows.assign(lensless=rows["fx_px"].isna()).sort_values("lensless", kind="stable")
-    first = rows.drop_duplicates("camera").sort_index()
-    return pa.Table.from_pandas(first[CAMERAS.names], schema=CAMERAS, preserve_index=False)
+    votes = rows.groupby(["camera", *_LENS], dropna=False, sort=False)["camera"].transform("size")
+    # Any lens is better than none: a window without lens data tells nothing of it.
+    rows = rows.assign(lensless=rows["fx_px"].isna(), votes=-votes.astype("int64"))
+    best = rows.sort_values(["lensless", "votes"], kind="stable").drop_duplicates("camera")
+    return pa.Table.from_pandas(
+        best.sort_index()[CAMERAS.names], schema=CAMERAS, preserve_index=False
+    )
 
 
-def _diagnostics(folders: Sequence[Path], windows: Sequence[Window]) -> pa.Table:
-    """Return the diagnostics of the time that counts; equal ones of several windows become one."""
-    rows = []
-    for folder, window in zip(folders, windows, strict=True):
-        said = _read(folder, "diagnostics")
-        time_ns = said["log_time_ns"]
-        rows.append(said[time_ns.isna() | ((time_ns >= window.from_ns) & (time_ns < window.to_ns))])
-    every = pd.concat(rows, ignore_index=True)
-    if not len(every):
-        return DIAGNOSTICS.empty_table()
-    key = ["severity", "code", "message", "camera", "topic"]
-    timed = every["log_time_ns"].notna()
-    grouped = every.groupby(key, dropna=False, sort=False)
-    count = grouped["count"].transform("sum").where(timed, grouped["count"].transform("max"))
-    every = every.assign(count=count).drop_duplicates(key)
-    return pa.Table.from_pandas(every[DIAGNOSTICS.names], schema=DIAGNOSTICS, preserve_index=False)
+def _background_lines(folders: Sequence[Path]) -> pa.Table:
+    """Return the straight edges of each camera, as the first window has them that saw any.
+
+    A fixed background has the same edges in all windows: several times over, they would seem to be
+    more evidence than they are. There are none where the lens differs between windows, as in a
+    recording that is whole.
+    """
+    found: dict[str, pa.Table] = {}
+    lenses: dict[str, set[tuple[object, ...]]] = {}
+    for folder in folders:
+        for row in pq.read_table(
+            folder / "cameras.parquet", columns=["camera", *_LENS]
+        ).to_pylist():
+            lens = tuple(row[name] for name in _LENS)
+            lenses.setdefault(row["camera"], set()).update([] if row["fx_px"] is None else [lens])
+        edges = pq.read_table(folder / "background_lines.parquet")
+        for camera in pc.unique(edges["camera"]).to_pylist():
+            found.setdefault(camera, edges.filter(pc.equal(edges["camera"], camera)))
+    fixed = [edges for camera, edges in found.items() if len(lenses.get(camera, ())) <= 1]
+    return pa.concat_tables([BACKGROUND_LINES.empty_table(), *fixed])
+
+
+def summed_row(rows: Sequence[RecordingRow], parts: Path, path: Path) -> RecordingRow:
+    """Return the row of the whole recording; frames of overlaps are counted once.
+
+    Args:
+        rows: those of the windows.
+        parts: folder of the stitched tables.
+        path: the recording.
+    """
+    frames = pq.read_table(parts / "frames.parquet", columns=["log_time_ns", "decoded"])
+    span = pc.min_max(frames["log_time_ns"])
+    severities = pq.read_table(parts / "diagnostics.parquet")["severity"].to_pylist()
+    return replace(
+        rows[0],
+        path=path,
+        start_time_ns=span["min"].as_py(),
+        end_time_ns=span["max"].as_py(),
+        frame_count=frames.num_rows,
+        frames_lost=frames.num_rows - pc.sum(frames["decoded"]).as_py() if len(frames) else 0,
+        damaged=str(Severity.ERROR) in severities,
+    )
+
+
+def refused_pictures(row: RecordingRow, parts: Path) -> bool:
+    """Return whether messages of pictures could not be read in a window, which leave no frames.
+
+    Overlaps would count them twice, so a recording that has any is measured whole.
+    """
+    decoded = pq.read_table(parts / "frames.parquet", columns=["decoded"])["decoded"]
+    return row.frames_lost > len(decoded) - (pc.sum(decoded).as_py() or 0)
 
 
 def _move_on(

@@ -29,6 +29,10 @@ from pipeline.mcap_file.reader import ChannelInfo, McapFile, Note, RawMessage
 from pipeline.messages.content import Kind
 from pipeline.messages.registry import kind_of
 
+# Windows of a long recording: ten minutes are two of them, and 13 % of a day is read twice (`OVERLAP_S`).
+WINDOW_S = 300.0
+# Recordings longer than so many windows are cut: each part then has nearly the length that is wished.
+CUT_FROM_WINDOWS = 1.5
 # A window begins so long before its cut: 15 s in which the detector learns the background
 # (`DetectConfig.learning_s`), and two time constants of 10 s in which the background settles
 # (`background.FOLLOW_S`); people who were there are seen moving meanwhile.
@@ -65,28 +69,51 @@ def plan_windows(path: Path, config: Config, window_s: float) -> Plan | None:
 
     Reads all of it once, without decoding a picture: its hash is needed, and that it has no damage.
     """
-    if window_s <= 0:
-        return None
+    windows = windows_by_index(path, config, window_s)
+    sha256 = hash_if_undamaged(path, config) if windows else None
+    return None if sha256 is None else Plan(sha256, windows)
+
+
+def windows_by_index(path: Path, config: Config, window_s: float) -> tuple[Window, ...]:
+    """Return the windows of a recording by its index alone, which tells nothing of damage.
+
+    Args:
+        path: the recording.
+        config: how it is worked.
+        window_s: the wished length of a window, in seconds; 0 cuts nothing.
+
+    Returns:
+        The windows in order of time; none if the recording is short, or cannot be cut.
+    """
+    if window_s <= 0 or not path.is_file():
+        return ()
     summary = _summary(path, config.limits)
     if summary is None or summary.statistics is None or not summary.chunk_indexes:
-        return None
-    if any(kind_of(_info(c, summary)) in UNCUT for c in summary.channels.values()):
-        return None
-    if not _is_in_order(summary, round(config.ingest.reorder_s * 1e9)):
-        return None
-    order = order_of(path, config.limits, look_again=False)
-    if order.behind or order.as_in_file:
-        return None
+        return ()
     start_ns = min(c.message_start_time for c in summary.chunk_indexes)
     end_ns = max(c.message_end_time for c in summary.chunk_indexes)
-    if (end_ns - start_ns) / 1e9 < 1.5 * window_s:
+    if (end_ns - start_ns) / 1e9 < CUT_FROM_WINDOWS * window_s:
+        return ()
+    if any(kind_of(_info(c, summary)) in UNCUT for c in summary.channels.values()):
+        return ()
+    if not _is_in_order(summary, round(config.ingest.reorder_s * 1e9)):
+        return ()
+    order = order_of(path, config.limits, look_again=False)
+    if order.behind or order.as_in_file:
+        return ()
+    return cut(start_ns, end_ns, window_s)
+
+
+def hash_if_undamaged(path: Path, config: Config) -> str | None:
+    """Return the SHA-256 of a recording, None if any of it is damaged; no picture is decoded."""
+    summary = _summary(path, config.limits)
+    if summary is None or summary.statistics is None:
         return None
     notes = Notes()
     file = McapFile(path, config.limits, notes.add)
     count = sum(1 for _ in file.messages())
-    if notes.lost_data or count != summary.statistics.message_count:
-        return None
-    return Plan(file.content_sha256, cut(start_ns, end_ns, window_s))
+    undamaged = not notes.lost_data and count == summary.statistics.message_count
+    return file.content_sha256 if undamaged else None
 
 
 def _is_in_order(summary: Summary, tolerance_ns: int) -> bool:
