@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 
 LONGEST_WINDOW_S = 86_400.0  # a day
+MOST_SKIPPED = 1_000_000  # as in `pipeline.core.setting_bounds`
 
 
 class DamageWarning(UserWarning):
@@ -49,6 +50,7 @@ def measure(
     detector: str | None = None,
     model: PathLike | None = None,
     model_family: str | None = None,
+    every: int | None = None,
     timelines: PathLike | None = None,
     preview_px: int | None = None,
     split_minutes: float | None = None,
@@ -72,6 +74,8 @@ def measure(
         model: ONNX file of a network. It looks at every fifth frame, and tells which of the tracks that
             motion finds are people; with the detector `onnx` it looks at every frame, instead of motion.
         model_family: family of the network, needed if its outputs fit several.
+        every: one of so many pictures of each camera is measured, the others are not decoded; None takes
+            the camera file's `[ingest] every`, which is 1.
         timelines: folder for a Rerun timeline of each recording; None writes none.
         preview_px: longer side of the timelines' pictures, in pixels; None keeps them as recorded.
         split_minutes: length of a timeline, in minutes; None takes that of the camera file.
@@ -101,7 +105,7 @@ def measure(
 
     _check_workers(workers)
     _check_window(window_s)
-    config = _with_detector(config_of(camera), detector, model, model_family)
+    config = _with_every(_with_detector(config_of(camera), detector, model, model_family), every)
     config = with_timelines(config, preview_px, split_minutes)
     folder = Path(db).parent if videos is None else Path(videos)
     inputs = inputs_of(paths_of(recordings), folder, config, report_of(progress))
@@ -131,6 +135,7 @@ def measure_parts(
     detector: str | None = None,
     model: PathLike | None = None,
     model_family: str | None = None,
+    every: int | None = None,
     engine: Literal["local", "ray"] = "local",
     address: str | None = None,
     workers: int | None = None,
@@ -152,6 +157,7 @@ def measure_parts(
         detector: as in `measure`.
         model: as in `measure`.
         model_family: as in `measure`.
+        every: as in `measure`.
         engine: `local`, or `ray` (needs the extra `ray`).
         address: address of a running Ray cluster; None starts one on this machine.
         workers: number of tasks at a time, if no cluster is running already; None takes one a core.
@@ -179,7 +185,7 @@ def measure_parts(
     if address is not None and engine != "ray":
         raise UsageError("an address belongs to the engine ray")
     _check_window(window_s)
-    config = _with_detector(config_of(camera), detector, model, model_family)
+    config = _with_every(_with_detector(config_of(camera), detector, model, model_family), every)
     folder = Path(parts).parent if videos is None else Path(videos)
     inputs = inputs_of(paths_of(recordings), folder, config, report_of(progress))
     for one in inputs.failed:
@@ -253,6 +259,15 @@ def _with_detector(
         detect = replace(detect, method=detector)
     check_detector(detect)  # a wrong model is refused once, before hours of footage
     return replace(config, detect=detect)
+
+
+def _with_every(config: Config, every: int | None) -> Config:
+    """Return a configuration in which a given choice of pictures overrides the camera file's."""
+    if every is None:
+        return config
+    if not 1 <= every <= MOST_SKIPPED:
+        raise UsageError(f"every must be at least 1 and at most {MOST_SKIPPED:,}, not {every}")
+    return replace(config, ingest=replace(config.ingest, every=every))
 
 
 def _be_strict(

@@ -54,6 +54,12 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--model-family", metavar="NAME", help="where its outputs fit several")
     parser.add_argument(
+        "--every",
+        type=int,
+        metavar="N",
+        help="measure one of N pictures of each camera; the others are not decoded (of a video they are)",
+    )
+    parser.add_argument(
         "--workers",
         type=int,
         metavar="N",
@@ -97,6 +103,7 @@ def call(arguments: argparse.Namespace) -> int:
             detector=arguments.detector,
             model=arguments.model,
             model_family=arguments.model_family,
+            every=arguments.every,
             timelines=arguments.rrd,
             preview_px=arguments.rrd_preview,
             split_minutes=arguments.rrd_split,
@@ -148,6 +155,7 @@ def _call_shared(arguments: argparse.Namespace) -> int:
             detector=arguments.detector,
             model=arguments.model,
             model_family=arguments.model_family,
+            every=arguments.every,
             engine=arguments.engine,
             address=arguments.address,
             workers=arguments.workers,

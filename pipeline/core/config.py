@@ -83,6 +83,7 @@ class IngestConfig:
 
     exposure_tolerance_s: float = EXPOSURE_TOLERANCE_S
     reorder_s: float = 0.25  # messages later than this behind the newest are not waited for
+    every: int = 1  # of a camera's pictures, every so manieth is measured
     # The frame of transforms whose plane z = 0 is the ground; empty: one that is by convention.
     ground_frame: str = ""
 

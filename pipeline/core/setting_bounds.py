@@ -63,7 +63,11 @@ _LENS = {
 }
 
 BOUNDS: Mapping[str, Mapping[str, Bound]] = {
-    "IngestConfig": {"exposure_tolerance_s": _SECONDS, "reorder_s": _SECONDS},
+    "IngestConfig": {
+        "exposure_tolerance_s": _SECONDS,
+        "reorder_s": _SECONDS,
+        "every": Bound(1, 1_000_000),
+    },
     "DetectConfig": {
         "learning_s": Bound(0.0, 86_400.0, above_low=True),
         "min_side_px": Bound(16, 100_000),

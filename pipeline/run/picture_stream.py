@@ -6,8 +6,9 @@ ingest (a thread, ahead) -> learning time of the detectors -> decode (threads, a
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
 
@@ -83,13 +84,32 @@ class PictureStream:
         """Yield lists of frames, and whether their camera's detections were seen by then."""
         some: list[tuple[Frame, bool]] = []
         held_bytes = 0
-        for frame in self._times.each("read", self._assembler):
+        for frame in self._chosen(self._times.each("read", self._assembler)):
             some.append((frame, self._assembler.has_detections(frame.camera)))
             held_bytes += len(frame.image)
             if len(some) >= READ_TOGETHER or held_bytes >= READ_TOGETHER_BYTES:
                 yield some
                 some, held_bytes = [], 0
         yield some
+
+    def _chosen(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """Yield every so manieth frame of each camera, numbered anew; the others are never decoded.
+
+        What belongs to a picture was taken for it already, so no box or truth goes to another.
+        """
+        every = self._config.ingest.every
+        seen: dict[str, int] = {}
+        topics: dict[str, str] = {}
+        for frame in frames:
+            number = seen.get(frame.camera, 0)
+            seen[frame.camera] = number + 1
+            topics[frame.camera] = frame.topic
+            if every == 1:
+                yield frame
+            elif number % every == 0:
+                yield replace(frame, frame_index=number // every)
+        for camera, count in seen.items() if every > 1 else ():
+            self._notes.add(_skipped(camera, topics[camera], count, every))
 
     def _frames(self, pool: Executor) -> Iterator[Frame]:
         """Yield frames whose camera's detector is ready for them."""
@@ -138,6 +158,16 @@ class PictureStream:
             if frame.image or frame.image_format not in READ_CODECS:  # else it is told as a gap
                 self._notes.add(_undecodable(frame, error))
             return Decoded(frame, None)
+
+
+def _skipped(camera: str, topic: str, count: int, every: int) -> Diagnostic:
+    """Return the note of pictures that were left out by request."""
+    used = -(-count // every)
+    text = (
+        f"one of {every} pictures was measured, {used:,} of {count:,}, as asked for (`--every`); "
+        "the others are in no table"
+    )
+    return Diagnostic(Severity.INFO, "frames_skipped", text, camera=camera, topic=topic)
 
 
 def _undecodable(frame: Frame, error: UndecodableImage) -> Diagnostic:

@@ -85,8 +85,8 @@ def windows_by_index(path: Path, config: Config, window_s: float) -> tuple[Windo
     Returns:
         The windows in order of time; none if the recording is short, or cannot be cut.
     """
-    if window_s <= 0 or not path.is_file():
-        return ()
+    if window_s <= 0 or config.ingest.every > 1 or not path.is_file():
+        return ()  # a window does not know which pictures are chosen before it
     summary = _summary(path, config.limits)
     if summary is None or summary.statistics is None or not summary.chunk_indexes:
         return ()
