@@ -35,7 +35,7 @@ from pipeline.ingest.partners import Asked, Partners
 from pipeline.ingest.plausibility import refuse_implausible
 from pipeline.ingest.pose import BODY_FRAME, MOVING, CameraPose, TransformTree, UnusablePose
 from pipeline.ingest.sample_bits import SampleBits
-from pipeline.ingest.sources import Channels, Source
+from pipeline.ingest.sources import Channels, Repeats, Source
 from pipeline.ingest.video_stream import Out
 from pipeline.ingest.videos import OfCamera, Videos
 from pipeline.ingest.waiting import Waiting, WaitingRoom
@@ -45,6 +45,8 @@ from pipeline.messages.lens_readings import NO_LENS, Found, LensReadings
 from pipeline.messages.named_numbers import named_numbers
 from pipeline.messages.registry import kind_of
 from pipeline.messages.tree import UndecodableMessage
+
+OF_ONE_PICTURE = (Kind.IMAGE, Kind.VIDEO, *TAKEN)
 
 
 class FrameAssembler:
@@ -95,6 +97,7 @@ class FrameAssembler:
         self._decode_video = decode_video
         self._videos = Videos(file)
         self._readings = LensReadings()
+        self._repeats = Repeats()
         self._bits = SampleBits(self._note, file.limits.image_pixels)
 
     def has_detections(self, camera: str) -> bool:
@@ -166,6 +169,10 @@ class FrameAssembler:
             return
         payload = message.payload
         if payload is None:
+            return
+        if kind in OF_ONE_PICTURE and self._repeats.has(message, raw):
+            text = "a message is there twice, with the same stamp and content; it is used once"
+            self._note(Severity.WARNING, "repeated_message", text, raw)
             return
         if isinstance(payload, EncodedImage):
             self._enqueue_image(message, payload, raw)

@@ -15,6 +15,7 @@ from pipeline.ingest.clocks import Delays
 
 T = TypeVar("T")
 
+FEWEST, DISTINCT = 4, 0.7
 RECENT = 33  # messages that tell how a source's clock runs
 _SECOND_NS = 1_000_000_000
 _KEPT_BEHIND = 64  # values that stay behind the one that was asked for
@@ -61,6 +62,8 @@ class Lane(Generic[T]):
         self.frame_id = frame_id
         self.added = 0
         self.taken = 0
+        self.asked = 0  # by pictures that take settings from it
+        self.offsets_ns: deque[int] = deque(maxlen=RECENT)  # of settings from their pictures
         self.exact = 0  # how often a picture had the very stamp of a value
         self.delays = Delays(RECENT)
         self.recent: deque[tuple[int, int | None]] = deque(maxlen=RECENT)
@@ -70,6 +73,12 @@ class Lane(Generic[T]):
 
     def __len__(self) -> int:
         return len(self._values)
+
+    @property
+    def distinct(self) -> bool:
+        """Whether the stamps tell the last values apart: those of whole seconds do not."""
+        stamps = [stamp_ns for _, stamp_ns in self.recent if stamp_ns is not None]
+        return len(stamps) < FEWEST or len(set(stamps)) > DISTINCT * len(stamps)
 
     def add(self, log_time_ns: int, stamp_ns: int | None, value: T) -> None:
         """Keep a value; times mostly rise, but need not."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from statistics import median
 from typing import Any
 
+from pipeline.core.config import EXPOSURE_TOLERANCE_S
 from pipeline.core.records import Diagnostic, Severity
 from pipeline.ingest.lanes import Lanes
 from pipeline.ingest.pairing import Lane
@@ -16,6 +17,9 @@ from pipeline.messages.content import Kind
 TAKEN = (Kind.DETECTIONS, Kind.TRUTH)
 # Some at both ends of a recording have no picture there.
 _FEW, _FEW_SHARE = 2, 0.02
+_FEWEST, _MOST_SHARE = 8, 0.8
+# A driver that states its own time is as late as this at most.
+_AT_ITS_TIME_NS = round(EXPOSURE_TOLERANCE_S * 1e9)
 _WORDS = {Kind.DETECTIONS: "messages with boxes", Kind.TRUTH: "messages with ground truth"}
 
 
@@ -30,6 +34,8 @@ def pairing_notes(
         cameras: topic of the pictures by camera.
     """
     for kind, lane in lanes:
+        if kind is Kind.EXPOSURE:
+            yield from _of_settings(lane)
         if kind not in TAKEN:
             continue
         of_lane = {camera: w for (number, camera), w in ways.items() if number == id(lane)}
@@ -43,11 +49,13 @@ def pairing_notes(
 def _of_way(kind: Kind, lane: Lane[Any], camera: str, way: Ways) -> Iterator[Diagnostic]:
     words = _WORDS[kind]
     if way.by_log and (
-        way.clock_offset_ns is None or not -SHARED_NS <= way.clock_offset_ns <= AHEAD_NS
+        not lane.distinct
+        or way.clock_offset_ns is None
+        or not -SHARED_NS <= way.clock_offset_ns <= AHEAD_NS
     ):
-        if way.clock_offset_ns is None:
+        if way.clock_offset_ns is None or not lane.distinct:
             reason = "one of the two states no usable times"
-            severity = Severity.INFO
+            severity = Severity.INFO if lane.distinct else Severity.WARNING
         else:
             reason = f"the clocks of their stamps differ by {way.clock_offset_ns / 1e9:+,.3f} s"
             severity = Severity.WARNING
@@ -64,6 +72,19 @@ def _of_way(kind: Kind, lane: Lane[Any], camera: str, way: Ways) -> Iterator[Dia
         text += f"paired with the picture that fits this best, within {way.tolerance_ns / 1e6:.0f} ms; a "
         text += "delay of whole pictures more cannot be seen: let the detector copy the stamps"
         yield _note(Severity.WARNING, "paired_by_nearest", text, lane, camera, len(way.by_stamp))
+
+
+def _of_settings(lane: Lane[Any]) -> Iterator[Diagnostic]:
+    """Say so if there is a message for each picture, but not at its time."""
+    offsets = list(lane.offsets_ns)
+    each_has_one = lane.added >= _MOST_SHARE * lane.asked
+    if len(offsets) < _FEWEST or not each_has_one or abs(median(offsets)) <= _AT_ITS_TIME_NS:
+        return
+    text = f"messages with exposure are {_ms(offsets)} ms after their pictures (median; less than 0: before "
+    text += (
+        "them), so they may be of other pictures: let the driver copy the stamps of the pictures"
+    )
+    yield _note(Severity.WARNING, "exposure_offset", text, lane, None, lane.asked)
 
 
 def _unpaired(

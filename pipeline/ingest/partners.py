@@ -71,6 +71,8 @@ class Partners:
             found = lane.nearest(time_ns, tolerance_ns, by_stamp=by_stamp)
             found = found or lane.last_known(time_ns, by_stamp=by_stamp)
             if found is not None and -found.offset_ns <= LAST_KNOWN_NS:
+                lane.asked += 1
+                lane.offsets_ns.append(found.offset_ns)
                 return found
         return None
 
@@ -88,7 +90,7 @@ class Partners:
         ways = self.ways.setdefault((id(lane), camera), Ways())
         ways.asked += 1
         stamp_ns = asked.moment.stamp_ns
-        if stamp_ns is not None and asked.clock.distinct:
+        if stamp_ns is not None and asked.clock.distinct and lane.distinct:
             close_ns = min(EXACT_NS, max(asked.clock.interval_ns // 4, 1))
             found = lane.take_stamp(stamp_ns, asked.moment.log_ns, close_ns)
             if found is not None:
@@ -120,6 +122,7 @@ class Partners:
         stamp_ns, log_ns = asked.moment.stamp_ns, asked.moment.log_ns
         offset_ns = _clock_offset(lane, asked.clock)
         usable = stamp_ns is not None and offset_ns is not None and asked.clock.trusts(asked.moment)
+        usable = usable and lane.distinct
         # Stamps that are ahead of their logging, more than those of pictures are, are of another clock.
         if usable and -SHARED_NS <= (offset_ns or 0) <= AHEAD_NS:
             yield True, stamp_ns or 0

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from pipeline.core.config import Limits
 from pipeline.mcap_file.reader import ChannelInfo, RawMessage
 from pipeline.messages import json_text
-from pipeline.messages.content import Kind
+from pipeline.messages.content import Decoded, Kind
 from pipeline.messages.exposure import camera_exposure, names_exposure
 from pipeline.messages.named_numbers import NamedNumber
 from pipeline.messages.registry import (
@@ -25,8 +26,12 @@ from pipeline.messages.tree import Tree, UndecodableMessage, text
 # What `stadimeter export` marks its own channels with: they are results, not evidence.
 EXPORTED = ("written_by", "stadimeter export")
 
+# A message is taken for another one's copy by its stamp, its length and the bytes at both its ends, if it
+# was logged within this: pictures of a still scene may be equal where stamps are whole seconds.
+_TELLS, _REMEMBERED, _TOGETHER_NS = 256, 64, 10_000_000
 _TEXT = "std_msgs/String"  # programs put JSON into it
 
+_Told = tuple[int, int, bytes, bytes]
 Tell = Callable[[str, str, RawMessage], None]  # code, sentence, message
 
 
@@ -121,3 +126,25 @@ def _inner(reader: Reader) -> Reader:
         return json_text.read(text(reader(data), "data").encode("utf-8", "surrogatepass"))
 
     return read
+
+
+class Repeats:
+    """Messages that came last, by topic: recorders that run twice, and merged files, repeat them.
+
+    Only a message with a stamp can be told from another one that says the same.
+    """
+
+    def __init__(self) -> None:
+        self._last: dict[str, deque[tuple[int, _Told]]] = {}
+
+    def has(self, message: Decoded, raw: RawMessage) -> bool:
+        """Return whether a message was there before; else keep what tells it."""
+        if not message.capture_time_ns:
+            return False
+        ends = bytes(raw.data[:_TELLS]), bytes(raw.data[-_TELLS:])
+        told = message.capture_time_ns, len(raw.data), *ends
+        last = self._last.setdefault(raw.channel.topic, deque(maxlen=_REMEMBERED))
+        if any(t == told and abs(raw.log_time_ns - at) <= _TOGETHER_NS for at, t in last):
+            return True
+        last.append((raw.log_time_ns, told))
+        return False

@@ -57,12 +57,16 @@ class Decoded(NamedTuple):
     picture: Picture | None
 
 
+# A detector's box may slip out of the picture now and then; of another size of picture many do.
+FEW_OUTSIDE, SHARE_OUTSIDE = 10, 0.05
 OTHER_SIZE = (
-    "boxes in these pictures are taken to the lens that most pictures have, by the calibration of these "
+    "boxes in these pictures are taken to the lens that most pictures have, by the calibration "
+    "of these "
     "or by their size; those in pictures of another shape without a calibration give no distance"
 )
 OTHER_LENS = (
-    "each picture is measured with its own, on the word of the recording; look at what is measured in "
+    "each picture is measured with its own, on the word of the recording; look at what is "
+    "measured in "
     "these pictures, and give fx_px in a camera file if the lens never changed"
 )
 
@@ -90,6 +94,7 @@ class CameraStage:
         self._names = ClassNames(config)
         self._notes = notes
         self._size_px = NO_SIZE
+        self._boxes, self._boxes_outside = 0, 0  # recorded ones
         self._learning = self.detector.learning_s > 0
         self._waiting: list[Frame] = []
         self._held_bytes = 0
@@ -200,10 +205,35 @@ class CameraStage:
         if picture is None or frame.detections is None or not len(frame.detections):
             return item
         inside, outside = inside_picture(frame.detections, picture.width_px, picture.height_px)
+        self._boxes += len(frame.detections)
+        self._boxes_outside += len(outside)
         for edges in outside:
             size = f"{picture.width_px} x {picture.height_px}"
             self._note(frame, "invalid_value", f"box {edges} lies outside of the picture of {size}")
         return Decoded(replace(frame, detections=inside), picture) if outside else item
+
+    def note_boxes_outside(self) -> None:
+        """Say so if recorded boxes seem to be of pictures of another size."""
+        share = self._boxes_outside / max(self._boxes, 1)
+        if self._boxes_outside < FEW_OUTSIDE or share < SHARE_OUTSIDE:
+            return
+        width_px, height_px = self._size_px
+        text = (
+            f"{share:.0%} of {self._boxes:,} recorded boxes lie outside of the pictures of "
+            f"{width_px} x "
+            f"{height_px}: the boxes are of pictures of another size, and all distances by "
+            f"them are wrong; "
+            "let the detector state its boxes in pixels of the stored pictures"
+        )
+        self._notes.add(
+            Diagnostic(
+                Severity.WARNING,
+                "boxes_of_another_size",
+                text,
+                camera=self.camera,
+                topic=self.topic,
+            )
+        )
 
     def lens(self, frame: Frame, picture: Picture | None) -> Lens:
         """Return the lens of a frame, and learn from it how the camera sees."""
@@ -237,8 +267,8 @@ class CameraStage:
             if size_px != self._size_px:
                 text = f"the pictures change their size to {size_px}"
                 self._note(frame, "size_changed", f"{text}; {OTHER_SIZE}")
-            else:
-                self._note(frame, "lens_changed", f"{_change(before, stretch)}; {OTHER_LENS}")
+            elif (change := _change(before, stretch)) is not None:
+                self._note(frame, "lens_changed", f"{change}; {OTHER_LENS}")
         self._size_px = size_px
         if stretch.intrinsics is not None:
             return
@@ -314,14 +344,14 @@ class CameraStage:
         )
 
 
-def _change(before: LensStretch | None, now: LensStretch) -> str:
-    """Return how the lens of a picture differs from that of the one before."""
+def _change(before: LensStretch | None, now: LensStretch) -> str | None:
+    """Return how the lens of a picture differs from that of the one before, if both are known."""
     focal_px = [
         s.stated.fx_px if s and s.stated else s.focal_px if s else NAN for s in (before, now)
     ]
     if all(map(math.isfinite, focal_px)):
         return f"the focal length changes from {focal_px[0]:.0f} to {focal_px[1]:.0f} px"
-    return "the calibration begins or ends here"
+    return None
 
 
 def _verifier(config: Config, detector: Detector) -> Verifier | PoseVerifier | None:

@@ -14,6 +14,7 @@ import pyarrow as pa
 
 from pipeline.core.config import Config
 from pipeline.core.records import Diagnostic, GroundPlane, Severity
+from pipeline.store.database import Store
 
 # Free walking out of doors: studies have means of 1.80 to 2.00 steps a second (Pachi and Ji 2005,
 # Zivanovic 2005, Matsumoto 1978, Bachmann 1987), people within one a deviation of 0.11 to 0.19.
@@ -27,6 +28,31 @@ SPEED_M_S, EXPONENT = 1.385, 1.5
 SPEED_PERSON_STD, SPEED_GROUP_STD = 0.11, 0.04
 GIVEN_SCALE_STD = 0.02  # of a surveyed pose
 MIN_TRACKS = 4
+# Half of all who pass somewhere run a marathon at the world's best pace (5.8 m/s, rounded down) nowhere.
+FASTEST_M_S, MIN_FAST, MOST_TRACKS = 5.0, 3, 200
+_SPEEDS = """
+WITH chosen AS (
+    SELECT track_id FROM tracks
+    WHERE recording_id = $recording AND camera = $camera AND class_name = $class
+        AND last_time_ns - first_time_ns >= 200_000_000
+    ORDER BY hash(track_id), track_id LIMIT $most
+), placed AS (
+    SELECT o.track_id, f.capture_time_ns AS t, e.x_m, e.y_m
+    FROM observations AS o
+    SEMI JOIN chosen USING (track_id)
+    JOIN estimates AS e ON e.recording_id = o.recording_id
+        AND e.observation_index = o.observation_index
+    JOIN frames AS f ON f.recording_id = o.recording_id AND f.camera = o.camera
+        AND f.frame_index = o.frame_index
+    WHERE o.recording_id = $recording AND o.camera = $camera AND e.run_id = $run
+        AND e.method = 'fused' AND isfinite(e.x_m) AND isfinite(e.y_m)
+)
+SELECT
+    sqrt((arg_max(x_m, t) - arg_min(x_m, t)) ** 2 + (arg_max(y_m, t) - arg_min(y_m, t)) ** 2)
+    / ((max(t) - min(t)) / 1e9) AS speed_m_s
+FROM placed GROUP BY track_id HAVING max(t) - min(t) >= 200_000_000
+ORDER BY track_id
+"""
 ALARM = 3.0**2  # by which the explanation must be better than none
 MEDIAN = 1.25  # the deviation of a median over that of a mean
 
@@ -68,6 +94,42 @@ def clock_notes(
     if given and nothing - by_scale > ALARM:
         return [_scale(camera, hz, math.exp(far), far_std)]
     return []
+
+
+def speed_notes(
+    store: Store, recording_id: str, run_id: str, camera: str, object_class: str
+) -> list[Diagnostic]:
+    """Return a note if people are faster than people can be: the clock, the scale or the class is wrong.
+
+    Args:
+        store: a database that is open, with the estimates of the run.
+        recording_id: the recording.
+        run_id: the run.
+        camera: name of the camera.
+        object_class: the class of those who walk.
+    """
+    values = {
+        "recording": recording_id,
+        "run": run_id,
+        "camera": camera,
+        "class": object_class,
+        "most": MOST_TRACKS,
+    }
+    found = store.connection.sql(_SPEEDS, params=values).to_arrow_table()
+    speeds = found["speed_m_s"].to_numpy()
+    if len(speeds) < MIN_FAST or np.median(speeds) < FASTEST_M_S:
+        return []
+    return [
+        Diagnostic(
+            Severity.WARNING,
+            "impossible_speeds",
+            f"half of {len(speeds)} tracks of {object_class!r} move at more than "
+            f"{np.median(speeds):.1f} m/s: the clock of the frames runs too fast, the distances are too "
+            "long, or these are no people. Check the frame rate, the lens and the camera's height",
+            camera=camera,
+            count=len(speeds),
+        )
+    ]
 
 
 def _median(values: np.ndarray, group_std: float, person_std: float) -> tuple[float, float]:

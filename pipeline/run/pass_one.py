@@ -124,6 +124,7 @@ class FirstPass:
         for stage, edges in zip(stages, lines, strict=True):
             parts.write("tracks", stage.tracker.tracks())
             parts.write("background_lines", edges)
+            stage.note_boxes_outside()
             frame_id = self.assembler.frame_ids.get(stage.camera)
             pose, moves = self.assembler.poses.get(stage.camera), self.assembler.moving
             camera = stage.row(frame_id, pose, moves=stage.camera in moves)

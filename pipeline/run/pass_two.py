@@ -30,7 +30,7 @@ from pipeline.core.tables import TRACK_CADENCES
 from pipeline.estimate.estimate_tracks import Remarks, camera_blur, estimate_tracks
 from pipeline.estimate.tables import Rows
 from pipeline.estimate.track_batches import Tracks
-from pipeline.run.clock_notes import clock_notes
+from pipeline.run.clock_notes import clock_notes, speed_notes
 from pipeline.run.exposure_notes import exposure_notes
 from pipeline.run.people_check import lens_by_people, people_of, refused_pose
 from pipeline.run.scale_notes import scale_notes
@@ -92,6 +92,9 @@ def estimate_recording(
                 cadences.append(rows.cadences)
         remarks.add(clock_notes(row.camera, pa.concat_tables(cadences), plane, here))
         remarks.add(scale_notes(row.camera, plane, mine, here))
+        if prior is not None:
+            walkers = prior.object_class
+            remarks.add(speed_notes(store, recording_id, run_id, row.camera, walkers))
     add_calibrations(store, remarks.calibrations(), run_id)
     add_diagnostics(store, remarks.diagnostics(), recording_id, run_id, file_name)
 
