@@ -80,10 +80,9 @@ def _of_settings(lane: Lane[Any]) -> Iterator[Diagnostic]:
     each_has_one = lane.added >= _MOST_SHARE * lane.asked
     if len(offsets) < _FEWEST or not each_has_one or abs(median(offsets)) <= _AT_ITS_TIME_NS:
         return
-    text = f"messages with exposure are {_ms(offsets)} ms after their pictures (median; less than 0: before "
-    text += (
-        "them), so they may be of other pictures: let the driver copy the stamps of the pictures"
-    )
+    text = f"messages with exposure are {_ms(offsets)} ms after their pictures (median; below 0: "
+    text += "before them), so they may be of other pictures: let the driver copy the stamps of the "
+    text += "pictures"
     yield _note(Severity.WARNING, "exposure_offset", text, lane, None, lane.asked)
 
 

@@ -70,7 +70,7 @@ def scene() -> tuple[Said, ...]:
         truth = GroundTruth(timestamp=timestamp(ns), frame_id="cam")
         for i in range(4):
             height_m = 1.6 + 0.06 * i
-            x_m, ahead_m = -2.5 + (1.2 * t_s + 1.4 * i) % 5, 9 + 4 * i + np.sin(0.5 * t_s + i)
+            x_m, ahead_m = -2.5 + 1.2 * t_s + 0.8 * i, 9 + 4 * i + np.sin(0.5 * t_s + i)
             edges, depth_m = box_of(x_m, ahead_m, height_m)
             box = dict(zip(SIDES, edges, strict=True))
             found.objects.add(box=box, class_name="person", object_id=f"p{i}", box_std_px=0.5)
