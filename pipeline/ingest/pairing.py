@@ -76,7 +76,7 @@ class Lane(Generic[T]):
 
     @property
     def distinct(self) -> bool:
-        """Whether the stamps tell the last values apart: those of whole seconds do not."""
+        """True if stamps tell the last values apart: those of whole seconds do not."""
         stamps = [stamp_ns for _, stamp_ns in self.recent if stamp_ns is not None]
         return len(stamps) < FEWEST or len(set(stamps)) > DISTINCT * len(stamps)
 

@@ -122,7 +122,7 @@ def with_boxes(change: Callable[[list[float]], list[float]]) -> Iterator[Said]:
 
 
 class Outcome(NamedTuple):
-    """What came out."""
+    """Result of a run."""
 
     depths: int
     ratio: float  # median of found over true depth
