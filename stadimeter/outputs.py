@@ -70,8 +70,9 @@ def report(db: PathLike, output: PathLike) -> Path:
         StadimeterError: the file cannot be written.
     """
     from dashboards.report.writer import write_report
+    from stadimeter.advice import advice_for
 
-    write_report(Path(db), Path(output))
+    write_report(Path(db), Path(output), advice_for)
     return Path(output)
 
 

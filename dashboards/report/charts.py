@@ -37,7 +37,10 @@ def _depth_scale(rows: Sequence[Row]) -> alt.Scale:
     depths = [r[name] for r in rows for name in ("true_depth_m", "depth_m") if r[name]]
     near, far = min(depths), max(depths)
     kind = "log" if near > 0 and far / near > LOG_FROM_RATIO else "linear"
-    return alt.Scale(type=kind, zero=False, nice=kind == "linear")
+    # One wild interval must not stretch the axis: what goes on beyond it is cut at its end.
+    margin = 0.05 * (far - near) or 0.05 * max(abs(far), 1.0)
+    ends = [near / 1.3, far * 1.3] if kind == "log" else [near - margin, far + margin]
+    return alt.Scale(type=kind, zero=False, nice=False, domain=ends, clamp=True)
 
 
 def _layer(row: Row) -> int:
@@ -267,19 +270,32 @@ def heights_chart(rows: list[Row], object_name: str) -> alt.LayerChart:
         color=alt.Color("remark:N", scale=colours, title="height"),
         tooltip=tips,
     )
-    rule = base.mark_rule(strokeWidth=2).encode(
-        alt.X(
-            "height_low_m:Q", title="height, m (line: 95 % interval)", scale=alt.Scale(zero=False)
-        ),
+    scale = _height_scale(rows)
+    rule = base.mark_rule(strokeWidth=2, clip=True).encode(
+        alt.X("height_low_m:Q", title="height, m (line: 95 % interval)", scale=scale),
         alt.X2("height_high_m:Q"),
     )
-    dot = base.mark_circle(size=50, opacity=1).encode(x="height_m:Q")
+    dot = base.mark_circle(size=50, opacity=1).encode(alt.X("height_m:Q", scale=scale))
     layers = rule + dot
     if any(r["true_height_m"] is not None for r in rows):
         layers += base.mark_tick(thickness=2.5, size=11, color="#000000").encode(
-            x="true_height_m:Q", color=alt.value("#000000")
+            alt.X("true_height_m:Q", scale=scale), color=alt.value("#000000")
         )
     return layers.properties(title=object_name, width=WIDE_PX - 120, height={"step": 13})
+
+
+def _height_scale(rows: Sequence[Row]) -> alt.Scale:
+    """Return an axis that holds all heights and nine of ten intervals; the others go on beyond it."""
+    lows = sorted(r["height_low_m"] for r in rows)
+    highs = sorted(r["height_high_m"] for r in rows)
+    heights = [r["height_m"] for r in rows]
+    heights += [r["true_height_m"] for r in rows if r["true_height_m"] is not None]
+    low = min(lows[len(lows) // 10], *heights)
+    high = max(highs[-1 - len(highs) // 10], *heights)
+    margin = 0.04 * max(high - low, 0.05)
+    return alt.Scale(
+        zero=False, nice=False, domain=[max(low - margin, 0.0), high + margin], clamp=True
+    )
 
 
 def _remark(row: Mapping[str, Any]) -> str:
@@ -319,10 +335,37 @@ def ground_chart(rows: list[Row], name: str) -> alt.LayerChart:
         .mark_point(shape="triangle-right", size=120, filled=True, color="#000000")
         .encode(x="y_m:Q", y="x_m:Q", tooltip="is:N")
     )
-    width, height = px_per_m * far, px_per_m * max(right - left, 1.0)
-    return (lines + dots.add_params(picked, _zoom("zoom_actual")) + camera).properties(
-        title=name, width=max(width, 120), height=max(height, 60)
+    ends = list({r["track"]: r for r in rows}.values())  # the last place of each
+    named = [
+        {"x_m": r["x_m"], "y_m": r["y_m"], "track": r["track"], "is": f"#{r['track_id']}"}
+        for r in ends
+    ]
+    names = (
+        alt.Chart(alt.Data(values=rounded(named)))
+        .mark_text(dx=9, dy=-5, fontSize=11)
+        .encode(
+            alt.X("y_m:Q"),
+            alt.Y("x_m:Q"),
+            text="is:N",
+            color=alt.Color("track:N", scale=alt.Scale(range=list(COLOURS)), legend=None),
+        )
     )
+    layers = lines + dots.add_params(picked, _zoom("zoom_actual")) + camera + names
+    layers += _scale_bar(far, left, right)
+    width, height = px_per_m * far, px_per_m * max(right - left, 1.0)
+    return layers.properties(title=name, width=max(width, 120), height=max(height, 60))
+
+
+def _scale_bar(far: float, left: float, right: float) -> alt.LayerChart:
+    """Return a bar of 1, 2 or 5 metres or ten times that, about a fifth of the way ahead."""
+    steps = [m * 10.0**e for e in range(-2, 5) for m in (1, 2, 5)]
+    long_m = max((s for s in steps if s <= far / 5), default=steps[0])
+    x_m = right - 0.06 * max(right - left, 1.0)
+    bar = [{"from": 0.02 * far, "to": 0.02 * far + long_m, "x_m": x_m, "is": f"{long_m:g} m"}]
+    base = alt.Chart(alt.Data(values=bar)).encode(y="x_m:Q")
+    line = base.mark_rule(strokeWidth=4, color="#000000").encode(x="from:Q", x2="to:Q")
+    text = base.mark_text(align="left", dy=-9, color="#000000").encode(x="from:Q", text="is:N")
+    return line + text
 
 
 def _span(low: float, high: float, *, reverse: bool = False) -> alt.Scale:

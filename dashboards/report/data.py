@@ -45,6 +45,7 @@ class ReportData:
     track_count: int
     positions: list[Row]  # a sample
     exposure: list[Row]
+    people: list[Row]  # as many as `track_heights`, with the frame that shows each best
     diagnostics: list[Row]
     diagnostic_count: int
 
@@ -68,12 +69,13 @@ def read_report_data(store: Store) -> ReportData:
         error_count=error_count,
         worst=_rows(store, _WORST, [WORST_SHOWN]),
         comparison=_rows(store, "FROM paper.comparison") if accuracy["by_method"] else [],
-        track_heights=_rows(store, _TRACK_HEIGHTS, [TRACKS_SHOWN]),
+        track_heights=_rows(store, f"{_TRACK_HEIGHTS} {_IN_ORDER}", [TRACKS_SHOWN]),
         track_count=_count(store, _TRACK_COUNT),
         positions=_positions(store),
         exposure=_rows(store, _EXPOSURE, [INSTANTS_SHOWN]),
+        people=_rows(store, _PEOPLE, [TRACKS_SHOWN]),
         diagnostics=_rows(store, _DIAGNOSTICS, [DIAGNOSTICS_SHOWN]),
-        diagnostic_count=_count(store, "SELECT count(*) AS n FROM diagnostics"),
+        diagnostic_count=_count(store, f"SELECT count(*) AS n FROM ({_GROUPED})"),
     )
 
 
@@ -141,14 +143,17 @@ _ACCURACY = """
 WITH sums AS MATERIALIZED (FROM accuracy.sums(['aperture', 'depth'])),
 metrics AS MATERIALIZED (FROM accuracy.from_sums('sums', []))
 SELECT
-    (SELECT list(metrics ORDER BY depth_rmse_m) FROM metrics) AS by_method,
     (
-        SELECT list(m ORDER BY true_depth_from_m, method)
-        FROM accuracy.from_sums('sums', ['depth']) AS m WHERE depth_count > 0
+        SELECT list(m ORDER BY camera, depth_rmse_m, method)
+        FROM accuracy.from_sums('sums', ['camera']) AS m
+    ) AS by_method,
+    (
+        SELECT list(m ORDER BY camera, true_depth_from_m, method)
+        FROM accuracy.from_sums('sums', ['camera', 'depth']) AS m WHERE depth_count > 0
     ) AS by_range,
     (
-        SELECT list(m ORDER BY f_number, method)
-        FROM accuracy.from_sums('sums', ['aperture']) AS m WHERE depth_count > 0
+        SELECT list(m ORDER BY camera, f_number, method)
+        FROM accuracy.from_sums('sums', ['camera', 'aperture']) AS m WHERE depth_count > 0
     ) AS by_aperture,
     (
         SELECT list(m ORDER BY method, unit) FROM accuracy.heights_from_metrics('metrics') AS m
@@ -225,6 +230,35 @@ FROM ({_TRACKS})
 QUALIFY row_number() OVER (
     PARTITION BY recording_id, camera ORDER BY observation_count DESC, track_id
 ) <= ?
+"""
+
+_IN_ORDER = "ORDER BY file_name, camera, track_id"
+
+# The frame that shows a track best: the tallest box that is whole, uncovered and measured.
+_PEOPLE = f"""
+WITH shown AS ({_TRACK_HEIGHTS}), depths AS (
+    SELECT
+        e.recording_id, o.camera, o.track_id, median(e.depth_m) AS depth_m,
+        median(e.depth_std_m / e.depth_m) AS share,
+        arg_max(
+            {{'frame_index': o.frame_index, 'x_min_px': o.x_min_px, 'y_min_px': o.y_min_px,
+              'x_max_px': o.x_max_px, 'y_max_px': o.y_max_px}},
+            (o.y_max_px - o.y_min_px) * (1 - coalesce(o.occlusion, 0))
+            * CASE WHEN o.truncated_left OR o.truncated_top OR o.truncated_right
+                OR o.truncated_bottom OR NOT coalesce(o.measured, true) THEN 0.01 ELSE 1 END
+        ) AS best
+    FROM estimates AS e
+    SEMI JOIN main.current_run USING (recording_id, run_id)
+    JOIN observations AS o USING (recording_id, observation_index)
+    SEMI JOIN shown AS s ON s.recording_id = o.recording_id AND s.camera = o.camera
+        AND s.track_id = o.track_id AND s.method = e.method
+    WHERE e.depth_m > 0
+    GROUP BY ALL
+)
+SELECT
+    s.*, d.depth_m, d.depth_m * exp(-1.959964 * d.share) AS depth_low_m,
+    d.depth_m * exp(1.959964 * d.share) AS depth_high_m, d.best
+FROM shown AS s LEFT JOIN depths AS d USING (recording_id, camera, track_id)
 ORDER BY file_name, camera, track_id
 """
 
@@ -267,8 +301,20 @@ GROUP BY r.file_name, recording_id, camera, floor(? * since_s / greatest(long_s,
 ORDER BY file_name, camera, time_s
 """
 
-_DIAGNOSTICS = """
+# What is said of several recordings, cameras or runs in the same words is one row.
+_GROUPED = """
+SELECT
+    severity, code, message, sum(count)::BIGINT AS count,
+    list(DISTINCT file_name ORDER BY file_name) FILTER (file_name IS NOT NULL) AS file_names,
+    list(DISTINCT coalesce(camera, topic)) FILTER (coalesce(camera, topic) IS NOT NULL) AS places,
+    min(byte_offset) AS byte_offset, min(log_time_ns) AS log_time_ns
 FROM diagnostics
-ORDER BY list_position(['error', 'warning', 'info'], severity), file_name, log_time_ns
+WHERE recording_id IS NULL OR run_id IN (FROM main.current_run SELECT run_id)
+    OR run_id IN (FROM recordings SELECT run_id)
+GROUP BY severity, code, message
+"""
+_DIAGNOSTICS = f"""
+FROM ({_GROUPED})
+ORDER BY list_position(['error', 'warning', 'info'], severity), file_names, log_time_ns, code
 LIMIT ?
 """

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from dashboards.report.data import ReportData, Row, read_report_data
+from dashboards.report.thumbnails import Key, thumbnails
 from dashboards.style import Z_95
 from dashboards.timeline.documents import POSE_TEXTS
 from pipeline import __version__
@@ -27,8 +28,15 @@ from pipeline.store.database import Store
 TEMPLATE = "report.html.j2"
 
 
-def write_report(database: Path, target: Path) -> None:
+def write_report(
+    database: Path, target: Path, advice_for: Callable[[str], str] = lambda code: ""
+) -> None:
     """Write the report of a database.
+
+    Args:
+        database: DuckDB file.
+        target: HTML file to write.
+        advice_for: returns what to do about a finding, by the code of its diagnostic.
 
     Raises:
         StoreError: the database cannot be read.
@@ -38,7 +46,8 @@ def write_report(database: Path, target: Path) -> None:
     charts_of = _library()
     with Store.open_current(database) as store:
         data = read_report_data(store)
-    page = _page(database, data, charts_of(data))
+        pictures = thumbnails(store, data.people)
+    page = _page(database, data, charts_of(data), pictures, advice_for)
     with whole_file(target, "the report") as part:
         part.write_text(page, encoding="utf-8")
 
@@ -59,13 +68,19 @@ def _charts(data: ReportData) -> dict[str, Any]:
     """Return the charts by name; lists of them where there is one a camera."""
     from dashboards.report import charts
 
-    drawn: dict[str, Any] = {"heights": [], "ground": [], "exposure": []}
-    if data.errors:
-        drawn["errors"] = charts.errors_chart(data.errors, data.by_method)
-    if len({r["true_depth_from_m"] for r in data.by_range}) > 0:
-        drawn["by_range"] = charts.range_chart(data.by_range)
-    if any(r["f_number"] is not None for r in data.by_aperture):
-        drawn["by_aperture"] = charts.aperture_chart(data.by_aperture)
+    lists = ("errors", "by_range", "by_aperture", "heights", "ground", "exposure")
+    drawn: dict[str, Any] = {name: [] for name in lists}
+    for camera, rows in _of_cameras(data.errors):
+        of_camera = [r for r in data.by_method if r["camera"] == camera]
+        drawn["errors"].append(charts.errors_chart(rows, of_camera).properties(title=shown(camera)))
+    for camera, rows in _of_cameras(data.by_range):
+        drawn["by_range"].append(
+            charts.range_chart(rows).properties(title=_titled(camera, "distance"))
+        )
+    for camera, rows in _of_cameras(data.by_aperture):
+        if any(r["f_number"] is not None for r in rows):
+            chart = charts.aperture_chart(rows).properties(title=_titled(camera, "aperture"))
+            drawn["by_aperture"].append(chart)
     if data.coverage:
         drawn["coverage"] = charts.coverage_chart(data.coverage)
     for name, rows in _by_camera(data.track_heights):
@@ -78,12 +93,29 @@ def _charts(data: ReportData) -> dict[str, Any]:
     return drawn
 
 
+def _titled(camera: str, by: str) -> str:
+    return f"{shown(camera)}: error by {by}"
+
+
+def _of_cameras(rows: Iterable[Row]) -> Iterable[tuple[str, list[Row]]]:
+    """Yield rows by camera: errors of a bench and of a street say nothing together."""
+    ordered = sorted(rows, key=lambda r: str(r["camera"]))
+    for camera, group in groupby(ordered, lambda r: r["camera"]):
+        yield camera, list(group)
+
+
 def _by_camera(rows: Iterable[Row]) -> Iterable[tuple[str, list[Row]]]:
     for (file_name, camera), group in groupby(rows, lambda r: (r["file_name"], r["camera"])):
         yield f"{shown(file_name)}, {shown(camera)}", list(group)
 
 
-def _page(database: Path, data: ReportData, drawn: Mapping[str, Any]) -> str:
+def _page(
+    database: Path,
+    data: ReportData,
+    drawn: Mapping[str, Any],
+    pictures: Mapping[Key, str],
+    advice_for: Callable[[str], str],
+) -> str:
     import jinja2
 
     environment = jinja2.Environment(
@@ -111,6 +143,10 @@ def _page(database: Path, data: ReportData, drawn: Mapping[str, Any]) -> str:
     }
     return environment.get_template(TEMPLATE).render(
         data=data,
+        people=[(name, _with_pictures(rows, pictures)) for name, rows in _by_camera(data.people)],
+        poses_of={_place(c): c for c in data.cameras},
+        warnings=[d for d in data.diagnostics if d["severity"] != "info"],
+        advice_for=advice_for,
         charts=specs,
         bundle=_bundle().replace("</script", "<\\/script"),
         database=database.name,
@@ -121,6 +157,16 @@ def _page(database: Path, data: ReportData, drawn: Mapping[str, Any]) -> str:
         z_95=Z_95,
         span=_span_text(data.recordings),
     )
+
+
+def _place(row: Row) -> str:
+    return f"{shown(row['file_name'])}, {shown(row['camera'])}"
+
+
+def _with_pictures(rows: Iterable[Row], pictures: Mapping[Key, str]) -> list[Row]:
+    return [
+        r | {"picture": pictures.get((r["recording_id"], r["camera"], r["track_id"]))} for r in rows
+    ]
 
 
 def _bundle() -> str:

@@ -22,6 +22,7 @@ Row = Mapping[str, Any]
 BEST = 3
 MAX_SIDE_PX = 900  # of a picture on the page
 WHOLE_SIDE_PX = 1100
+THUMBNAIL_PX = 110
 MARGIN = 0.35  # of the height of the box, around it
 QUALITY = 88
 _LINE, _EDGE = (0, 158, 115)[::-1], (255, 255, 255)
@@ -103,6 +104,21 @@ def crop(picture: Image, frame: Row) -> Shown:
     drawn = cv2.resize(part, size, interpolation=way)
     ends = ((box - np.tile(low, 2) + 0.5) * scale - 0.5).round().astype(int)
     return _shown(_with_ends(drawn, ends), frame["frame_index"])
+
+
+def thumbnail(picture: Image, frame: Row) -> str:
+    """Return the object of a frame as a small picture, a data: URI."""
+    box = np.array([frame[f"{s}_px"] for s in ("x_min", "y_min", "x_max", "y_max")], dtype=float)
+    around = 0.1 * (box[3] - box[1])
+    low = np.floor(box[:2] - around).astype(int).clip(0)
+    high = np.ceil(box[2:] + around).astype(int).clip(1)
+    part = picture[low[1] : high[1], low[0] : high[0]]
+    if not part.size:
+        part = picture
+    scale = min(THUMBNAIL_PX / max(part.shape[:2]), 3.0)
+    size = max(round(part.shape[1] * scale), 1), max(round(part.shape[0] * scale), 1)
+    way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
+    return _shown(cv2.resize(part, size, interpolation=way), frame["frame_index"]).data
 
 
 def whole(picture: Image, frame: Row) -> Shown:

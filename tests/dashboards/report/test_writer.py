@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 import shutil
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dashboards.report.charts import errors_chart
+from dashboards.report.charts import errors_chart, heights_chart
 from dashboards.report.data import read_report_data, rounded
 from dashboards.report.writer import (
     embedded,
@@ -62,11 +63,11 @@ def own(page: str) -> str:
 def test_the_headline_is_what_the_database_says(database: Path, page: str) -> None:
     with Store.open(database, read_only=True) as store:
         [ground] = store.query("FROM accuracy.by_method WHERE method = 'ground'").to_pylist()
-    row = re.search(r"<tr><td>ground</td>.*?</tr>", page, re.DOTALL)
+    row = re.search(r"<tr><td>cam</td><td>ground</td>.*?</tr>", page, re.DOTALL)
     assert row is not None
     cells = re.findall(r"<td[^>]*>(.*?)</td>", row[0], re.DOTALL)
-    assert cells[1] == str(ground["depth_count"])
-    assert cells[3].startswith(metres(ground["depth_rmse_m"]))
+    assert cells[2] == str(ground["depth_count"])
+    assert cells[4].startswith(metres(ground["depth_rmse_m"]))
     assert cells[-1] == metres(ground["height_mae_m"])
 
 
@@ -78,7 +79,16 @@ def test_the_command_writes_it(database: Path, tmp_path: Path) -> None:
 
 def test_every_part_is_there(page: str) -> None:
     ids = set(re.findall(r'<section id="(\w+)"', page))
-    assert ids >= {"accuracy", "errors", "conditions", "coverage", "worst", "heights", "ground"}
+    assert ids >= {
+        "people",
+        "accuracy",
+        "errors",
+        "conditions",
+        "coverage",
+        "worst",
+        "heights",
+        "ground",
+    }
     assert ids >= {"exposure", "diagnostics", "provenance"}
     assert set(re.findall(r'href="#(\w+)"', page)) <= ids
 
@@ -89,7 +99,7 @@ def test_it_loads_nothing(page: str) -> None:
 
 
 def test_text_from_files_stays_text(page: str) -> None:
-    assert "<img" not in own(page)
+    assert set(re.findall(r'<img src="?([^,]*)', own(page))) <= {"data:image/jpeg;base64"}
     assert "\u202e" not in page
     assert "&lt;/script&gt;&lt;img" in page
     assert "{{7*7}}" in page  # not 49
@@ -134,6 +144,8 @@ def test_the_report_says_what_the_views_say(database: Path) -> None:
         data = read_report_data(store)
         for name, sql in views.items():
             expected = store.query(sql).to_pylist()
+            if name == "by_method":
+                expected.sort(key=lambda r: (r["depth_rmse_m"], r["method"]))
             assert expected
             found = [{c: r[c] for c in expected[0]} for r in getattr(data, name)]
             assert len(found) == len(expected)
@@ -202,3 +214,98 @@ def test_a_browser_draws_every_chart(database: Path, page: str, tmp_path: Path) 
         assert "<svg" in drawn, name
         assert marks > 5, name
     assert "<title>1</title>" not in done.stdout
+
+
+def test_people_have_pictures_heights_and_distances(database: Path, page: str) -> None:
+    with Store.open(database, read_only=True) as store:
+        people = store.query("FROM people ORDER BY track_id").to_pylist()
+    assert len(people) == 2
+    rows = re.findall(r'<tr><td>(?:<img[^>]*>)?</td><td class="n">.*?</tr>', page, re.DOTALL)
+    assert len(rows) == 2
+    for row, person in zip(rows, people, strict=True):
+        assert "data:image/jpeg" in row
+        assert f"<b>{person['height_m']:.2f}</b>" in row
+        assert f"{person['height_low_m']:.2f}-{person['height_high_m']:.2f}" in row
+
+
+def test_cameras_are_never_mixed(tmp_path: Path) -> None:
+    write_people(tmp_path / "a.mcap")
+    run([tmp_path / "a.mcap"], tmp_path / "x.duckdb", LEVEL)
+    with Store.open(tmp_path / "x.duckdb") as store:
+        first = read_report_data(store)
+        for table in ("cameras", "frames", "observations", "tracks", "matches", "ground_truth"):
+            store.connection.execute(f"CREATE TEMP TABLE t AS FROM {table}")
+            store.connection.execute("UPDATE t SET recording_id = 'other', camera = 'bench'")
+            store.connection.execute(f"INSERT INTO {table} FROM t")
+            store.connection.execute("DROP TABLE t")
+        for table in ("estimates", "recordings"):
+            store.connection.execute(f"CREATE TEMP TABLE t AS FROM {table}")
+            store.connection.execute("UPDATE t SET recording_id = 'other'")
+            store.connection.execute(f"INSERT INTO {table} FROM t")
+            store.connection.execute("DROP TABLE t")
+        store.connection.execute(
+            "UPDATE estimates SET depth_m = depth_m + 5 WHERE recording_id = 'other'"
+        )
+    with Store.open(tmp_path / "x.duckdb", read_only=True) as store:
+        both = read_report_data(store)
+    of_first = {r["method"]: r["depth_rmse_m"] for r in first.by_method}
+    kept = {r["method"]: r["depth_rmse_m"] for r in both.by_method if r["camera"] == "cam"}
+    assert kept == pytest.approx(of_first)
+    worse = {r["method"]: r["depth_rmse_m"] for r in both.by_method if r["camera"] == "bench"}
+    assert all(worse[m] > of_first[m] + 4 for m in of_first)
+
+
+def test_a_wild_interval_does_not_stretch_an_axis() -> None:
+    rows = [
+        {
+            "track_id": i,
+            "height_m": 1.7,
+            "height_low_m": 1.6,
+            "height_high_m": 1.8 if i else 1e6,
+            "height_assumed": False,
+            "height_plausible": True,
+            "true_height_m": None,
+            "class_name": "person",
+            "method": "fused",
+            "observation_count": 9,
+            "depth_min_m": 5.0,
+            "depth_max_m": 6.0,
+        }
+        for i in range(20)
+    ]
+    low, high = heights_chart(rows, "cam").to_dict()["layer"][0]["encoding"]["x"]["scale"]["domain"]
+    assert 1.5 < low < 1.6
+    assert 1.8 < high < 1.9
+
+
+def test_what_is_said_often_is_one_row(database: Path) -> None:
+    with Store.open(database, read_only=True) as store:
+        rows = read_report_data(store).diagnostics
+    said = [(r["severity"], r["code"], r["message"]) for r in rows]
+    assert len(said) == len(set(said))
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium (Debian: chromium)")
+@pytest.mark.parametrize("width", [390, 820, 1280])
+def test_the_page_fits_every_width(page: str, tmp_path: Path, width: int) -> None:
+    assert CHROMIUM is not None
+    bare = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
+    outer = tmp_path / "outer.html"
+    outer.write_text(
+        f'<iframe id="f" width="{width}" height="900" srcdoc="{html.escape(bare)}"></iframe>'
+        '<script>onload = () => { const d = document.getElementById("f").contentDocument;'
+        " document.title = d.documentElement.scrollWidth; }</script>",
+        encoding="utf-8",
+    )
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--dump-dom"]
+    done = subprocess.run(
+        [CHROMIUM, *flags, f"--user-data-dir={tmp_path / 'p'}", outer.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    title = re.search(r"<title>(\d+)</title>", done.stdout)
+    assert title is not None
+    assert int(title[1]) <= width
