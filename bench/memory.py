@@ -21,7 +21,7 @@ from pathlib import Path
 from pipeline.core.config import Config
 from pipeline.run.recordings import run
 if len(sys.argv) > 1:
-    run([Path(sys.argv[1])], Path(sys.argv[2]), Config())
+    run([Path(sys.argv[1])], Path(sys.argv[2]), Config(), workers=1)
 else:
     import pandas, scipy.optimize, pyarrow.dataset  # what a run loads on its way
 if sys.platform == "linux":

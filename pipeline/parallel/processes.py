@@ -100,6 +100,10 @@ class LocalEngine:
                     self._waiting.append(task)
 
     def _begin(self) -> None:
+        with _main_hidden():
+            self._hand_out()
+
+    def _hand_out(self) -> None:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
                 self._workers,
@@ -149,6 +153,25 @@ def _context(loads: Sequence[str]) -> BaseContext:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(list(loads))
     return context
+
+
+@contextmanager
+def _main_hidden() -> Iterator[None]:
+    """Let processes begin without running the main script again, which has none of their tasks.
+
+    `multiprocessing` would import it into each of them by its file or name
+    (`spawn.get_preparation_data`): a script that calls the library with no
+    `if __name__ == "__main__"` would call it over and over.
+    """
+    main = sys.modules["__main__"]
+    known = {name: getattr(main, name) for name in ("__spec__", "__file__") if hasattr(main, name)}
+    for name in known:
+        setattr(main, name, None)
+    try:
+        yield
+    finally:
+        for name, value in known.items():
+            setattr(main, name, value)
 
 
 def _one_way(context: BaseContext) -> tuple[Connection, Connection]:

@@ -165,7 +165,7 @@ def stored_alone(
         folder: where the database lies meanwhile.
         roomy: true if much is read from it at once, as timelines do.
     """
-    with times.stage("track"):
+    with times.stage("refine tracks"):
         refine_tracks(parts, config.track)
     with own_store(begun, folder, roomy=roomy) as store:
         with store.transaction():

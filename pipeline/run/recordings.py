@@ -135,7 +135,7 @@ def run(
             prepared.result()
         if processes <= 1:
             aside.submit(empty_database)  # while the first recording is measured
-        course = Course(cut)
+        course = Course(cut, processes)
         for n, path in enumerate(paths):
             shown = timelines and replace(timelines, folder=shown_in[path])
             work = Work(path, config, begun, folder / f"{n:06d}", shown, threads)

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from contextlib import closing
 from pathlib import Path
@@ -133,3 +135,31 @@ def test_an_error_of_a_task_is_raised() -> None:
         engine.submit("x", refuse)
         with pytest.raises(StoreError, match="no"):
             drained(engine)
+
+
+SCRIPT = """
+from operator import mul
+from pipeline.parallel.processes import local_engine
+print("began")
+with local_engine(2) as engine:
+    engine.submit("a", mul, 2, 3)
+    engine.submit("b", mul, 4, 5)
+    print(sorted(engine.results()))
+print(__file__ is not None, __spec__)
+"""
+
+
+def test_a_script_without_a_guard_is_run_once(tmp_path: Path) -> None:
+    """A script that calls the library at its top level must not be run again in every process."""
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=os.environ | {"PYTHONPATH": str(root)},
+    )
+    assert done.stderr == ""
+    assert done.stdout.splitlines() == ["began", "[('a', 6), ('b', 20)]", "True None"]

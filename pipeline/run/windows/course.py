@@ -89,10 +89,16 @@ class _Cut:
 
 
 class Course:
-    """Tasks of all recordings of a run, in their order."""
+    """Tasks of all recordings of a run, in their order.
 
-    def __init__(self, cut: Mapping[Path, tuple[Window, ...]]) -> None:
+    Args:
+        cut: the windows of recordings that have any.
+        processes: how many tasks are done at a time.
+    """
+
+    def __init__(self, cut: Mapping[Path, tuple[Window, ...]], processes: int) -> None:
         self._windows = cut
+        self._processes = processes
         self._works: dict[Path, Work] = {}
         self._cut: dict[Path, _Cut] = {}
 
@@ -104,9 +110,15 @@ class Course:
             engine.submit(Task(work.path, _WHOLE), work_alone, work)
             return
         self._cut[work.path] = _Cut(work, windows, left=len(windows) + 1)
-        engine.submit(Task(work.path, _LOOK), look_for_damage, work)
+        # Found early, damage saves the work on windows. Where all windows are begun at once anyway, a
+        # look before them only lets the last of them begin later.
+        look_last = 1 < len(windows) <= self._processes
+        if not look_last:
+            engine.submit(Task(work.path, _LOOK), look_for_damage, work)
         for window in windows:
             engine.submit(Task(work.path, _WINDOW, window.number), work_window, work, window)
+        if look_last:
+            engine.submit(Task(work.path, _LOOK), look_for_damage, work)
 
     def results(self, engine: Engine) -> Iterator[tuple[Work, Outcome]]:
         """Yield each recording's outcome as it ends."""

@@ -127,10 +127,21 @@ def _is_in_order(summary: Summary, tolerance_ns: int) -> bool:
 
 
 def cut(start_ns: int, end_ns: int, window_s: float) -> tuple[Window, ...]:
-    """Return windows of equal length, about `window_s`, over a span of time, its end included."""
-    count = max(round((end_ns - start_ns) / 1e9 / window_s), 1)
-    edges = [start_ns + (end_ns + 1 - start_ns) * i // count for i in range(count + 1)]
+    """Return windows of about `window_s` over a span of time, its end included.
+
+    All are read for the same time, so that none is waited for: the first, which has nothing to read
+    before its cut, counts for longer than the others. A span of less than two overlaps is cut evenly.
+    """
+    span_ns = end_ns + 1 - start_ns
+    count = max(round(span_ns / 1e9 / window_s), 1)
     overlap_ns = round(OVERLAP_S * 1e9)
+    saved_ns = overlap_ns if span_ns > 2 * overlap_ns else 0
+    first_ns = (span_ns + (count - 1) * saved_ns) // count
+    rest_ns = span_ns - first_ns
+    edges = [
+        start_ns,
+        *(start_ns + first_ns + rest_ns * i // max(count - 1, 1) for i in range(count)),
+    ]
     return tuple(
         Window(i, max(edges[i] - (overlap_ns if i else 0), start_ns), edges[i], edges[i + 1])
         for i in range(count)

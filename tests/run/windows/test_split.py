@@ -118,3 +118,11 @@ def test_every_time_counts_once(start_ns: int, length_ns: int, window_s: float) 
     for before, after in pairwise(windows):
         assert before.to_ns == after.from_ns
         assert after.read_from_ns == max(after.from_ns - round(OVERLAP_S * 1e9), start_ns)
+
+
+@given(length_s=st.floats(450.0, 1e6), window_s=st.sampled_from([300.0, 123.4]))
+def test_all_windows_are_read_for_the_same_time(length_s: float, window_s: float) -> None:
+    windows = cut(7, 7 + round(length_s * 1e9), window_s)
+    assert all(w.from_ns < w.to_ns for w in windows)
+    read_ns = [w.to_ns - w.read_from_ns for w in windows]
+    assert max(read_ns) - min(read_ns) <= 2 * len(windows)
