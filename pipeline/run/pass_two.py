@@ -15,7 +15,7 @@ from dataclasses import replace
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.calibrate.camera_entry import given_pose
+from pipeline.calibrate.camera_entry import given_pose, with_assumed_centre
 from pipeline.calibrate.stored_lens import known_lens, with_doubt, with_found
 from pipeline.calibrate.walkers.known_lengths import KnownHeight, KnownLengths
 from pipeline.calibrate.walkers.pose import WalkersReport
@@ -128,7 +128,8 @@ def _pose(
         poses: tuple[GroundPlane | None, ...] = ()
     else:
         poses = given_pose(config.camera_named(name), camera.row), recorded_pose(camera.row)
-    claimed = [pose for pose in poses if pose is not None]
+    entry = config.camera_named(name)
+    claimed = [with_assumed_centre(p, camera.row, entry) for p in poses if p is not None]
     if prior is None:
         return claimed[0] if claimed else None
     measured = camera.people(tracks, [person.track_id for person in known.heights])

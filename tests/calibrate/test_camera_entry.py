@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.calibrate.camera_entry import as_given, given_pose
+from pipeline.calibrate.camera_entry import (
+    CENTRE_STD,
+    as_given,
+    given_pose,
+    with_assumed_centre,
+)
 from pipeline.calibrate.stored_lens import known_lens
 from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_file import write_camera_file
@@ -73,3 +78,30 @@ def test_correlations_that_are_none_are_refused(tmp_path: Path, correlation: str
     path.write_text(f'[[camera]]\nname = "yard"\npose_correlation = {correlation}\n')
     with pytest.raises(UsageError, match="pose_correlation must be three numbers from -1 to 1"):
         load_config(path)
+
+
+def test_an_assumed_centre_makes_a_surveyed_tilt_less_sure() -> None:
+    surveyed = CameraConfig("yard", camera_height_m=4.0, tilt_deg=15.0, tilt_std_deg=0.1)
+    assumed = replace(BARE, fx_px=700.0, fy_px=700.0, centre_source="assumed")
+    pose = given_pose(surveyed, assumed)
+    assert pose is not None
+    std = np.sqrt(with_assumed_centre(pose, assumed, surveyed).covariance[1, 1])
+    # A point that is y rows below the middle is seen arctan(y / f) below it.
+    expected = np.hypot(np.deg2rad(0.1), np.arctan(CENTRE_STD * 640 / 700.0))
+    assert std == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("source", ["recording", "camera_file", "walkers", None])
+def test_a_stated_centre_leaves_a_pose_as_it_is(source: str | None) -> None:
+    surveyed = CameraConfig("yard", camera_height_m=4.0, tilt_deg=15.0)
+    row = replace(BARE, fx_px=700.0, fy_px=700.0, centre_source=source)
+    pose = given_pose(surveyed, row)
+    assert pose is not None
+    assert with_assumed_centre(pose, row, surveyed) is pose
+
+
+def test_a_pose_by_walkers_was_fitted_with_the_centre_that_was_assumed(tmp_path: Path) -> None:
+    plane, _ = found(0)
+    camera = read_back(tmp_path / "camera.toml", as_given("yard", plane, LENS))
+    row = replace(BARE, fx_px=700.0, fy_px=700.0, centre_source="assumed")
+    assert with_assumed_centre(plane, row, camera) is plane
