@@ -263,4 +263,6 @@ def print_shared(result: SharedResult, folder: Path) -> None:
         print_rows("Recordings", ("file", "frames", "lost", ""), rows)
     for one in result.failed:
         err.print(f"stadimeter: {safe(one.error)}", soft_wrap=True)
+    for name, note in result.notes:
+        err.print(f"{safe(name)}: {safe(note.message)}", style="yellow", soft_wrap=True)
     out.print(f"parts  {safe(folder)}", soft_wrap=True)

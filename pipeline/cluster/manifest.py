@@ -129,6 +129,12 @@ def write_manifest(folder: Path, manifest: Manifest) -> None:
             shutil.rmtree(old, ignore_errors=True)
 
 
+def forget_manifest(folder: Path, key: str) -> None:
+    """Let a result count no longer, and take its files away."""
+    (folder / "manifests" / f"{key}.json").unlink(missing_ok=True)
+    shutil.rmtree(folder / "parts" / key, ignore_errors=True)
+
+
 def read_manifest(path: Path) -> Manifest:
     """Read one manifest.
 

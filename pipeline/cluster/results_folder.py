@@ -7,10 +7,12 @@ views of `schemas/sql` are applied to them unchanged.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from itertools import islice
 from pathlib import Path
 
 import duckdb
+import pyarrow.parquet as pq
 
 from pipeline.cluster.manifest import (
     Manifest,
@@ -19,11 +21,13 @@ from pipeline.cluster.manifest import (
     file_sha256,
     read_manifests,
 )
-from pipeline.core.errors import StoreError, Where
+from pipeline.core.errors import RowsRefused, StoreError, Where
+from pipeline.run.recording import add_failure
+from pipeline.run.same_evidence import take_once, tell_repeated_frames
 from pipeline.store.connection import CONFIG
 from pipeline.store.database import Store
 from pipeline.store.parquet import FILE_TABLES, take_rows, write_rows
-from pipeline.store.recordings import has_failure_of, has_run_of
+from pipeline.store.recordings import RecordingRow, has_failure_of, has_run_of
 from pipeline.store.schema import apply_schema
 
 MERGED_TOGETHER = 32  # recordings a transaction: one alone costs more in the disk than in rows
@@ -107,21 +111,45 @@ def _quoted(text: str) -> str:
 def merge(folder: Path, database: Path) -> int:
     """Put all finished recordings into a database; return how many were not there already.
 
+    One whose rows are refused costs itself only: the table `diagnostics` has the reason. What several
+    recordings hold counts once, as in a run.
+
     Raises:
         StoreError: a file is missing or was changed, or the database cannot be written.
     """
-    count = 0
+    added: list[Manifest] = []
     manifests = read_manifests(folder)
     with Store.open(database) as store:
         while together := list(islice(manifests, MERGED_TOGETHER)):
             missing = [m for m in together if not _is_there(store, m)]
             for manifest in missing:
                 _check(folder, manifest)
-            with store.transaction():
-                for manifest in missing:
-                    _take(store, folder, manifest)
-            count += len(missing)
-    return count
+            added += _take_together(store, folder, missing)
+        tell_repeated_frames(store, [m.key for m in added if m.failure is None])
+    return len(added)
+
+
+def _take_together(store: Store, folder: Path, manifests: Sequence[Manifest]) -> list[Manifest]:
+    """Take recordings in; return those that were taken. If any is refused each goes by itself."""
+    try:
+        with store.transaction():
+            for manifest in manifests:
+                _take(store, folder, manifest)
+        return list(manifests)
+    except RowsRefused:
+        return [m for m in manifests if _take_alone(store, folder, m)]
+
+
+def _take_alone(store: Store, folder: Path, manifest: Manifest) -> bool:
+    try:
+        with store.transaction():
+            _take(store, folder, manifest)
+        return True
+    except RowsRefused as error:
+        path = Path(manifest.source.path)
+        if not has_failure_of(store, path.name, manifest.run_id):
+            add_failure(store, path, error, manifest.run_id)
+        return False
 
 
 def _is_there(store: Store, manifest: Manifest) -> bool:
@@ -143,4 +171,14 @@ def _check(folder: Path, manifest: Manifest) -> None:
 
 def _take(store: Store, folder: Path, manifest: Manifest) -> None:
     files = {t: folder / p.path for t, p in manifest.parts.items() if p.rows and t in FILE_TABLES}
-    take_rows(store, manifest.key if manifest.failure is None else None, files)
+    if manifest.failure is None:
+        take_once(store, row_of(folder, manifest), files, manifest.run_id)
+    else:
+        take_rows(store, None, files)
+
+
+def row_of(folder: Path, manifest: Manifest) -> RecordingRow:
+    """Return the row of a finished recording, with the path of its file as the system knows it."""
+    (row,) = pq.read_table(folder / manifest.parts["recordings"].path).to_pylist()
+    names = {field.name for field in fields(RecordingRow)} - {"path"}
+    return RecordingRow(Path(manifest.source.path), **{name: row[name] for name in names})

@@ -13,10 +13,12 @@ from pathlib import Path
 from pipeline import __version__
 from pipeline.cluster.engine import ray_engine
 from pipeline.cluster.manifest import Manifest, Source, read_manifests
+from pipeline.cluster.same_evidence import settle
 from pipeline.cluster.tasks import Run, join, work, work_window
 from pipeline.core.config import Config
-from pipeline.core.errors import StadimeterError, UsageError, Where
+from pipeline.core.errors import RowsRefused, StadimeterError, UsageError, Where
 from pipeline.core.progress import Progress, Report, silent
+from pipeline.core.records import Diagnostic
 from pipeline.mcap_file.bag import is_recording
 from pipeline.parallel.processes import Engine, local_engine
 from pipeline.run.recordings import begin
@@ -41,6 +43,8 @@ class SharedResult:
     there: list[Finished] = field(default_factory=list)  # before this run
     made: list[Finished] = field(default_factory=list)
     failed: list[Finished] = field(default_factory=list)
+    # What is there twice, by file name: told here, as the rows of a recording are made alone.
+    notes: list[tuple[str, Diagnostic]] = field(default_factory=list)
 
     @property
     def stored(self) -> list[Finished]:
@@ -89,11 +93,35 @@ def run_shared(
     begun = begin(config, label)
     run = Run(folder.absolute(), config, begun, window_s)
     result = SharedResult(begun.run_id)
+    before = _paths_by_key(run.folder)
     missing = _missing([p.absolute() for p in recordings], run, result)
     if missing:
         with _engine(engine, address, workers or _usual(engine, missing, run)) as started:
             _Course(started, run, result, report).follow(missing)
+        _count_once(run.folder, result, before)
     return result
+
+
+def _paths_by_key(folder: Path) -> dict[str, str]:
+    if not any((folder / "manifests").glob("*.json")):
+        return {}
+    return {m.key: m.source.path for m in read_manifests(folder)}
+
+
+def _count_once(folder: Path, result: SharedResult, before: dict[str, str]) -> None:
+    """Let what is there twice count once; of equal files the last that was finished stays."""
+    made = {f.manifest.key: f for f in result.made if f.manifest is not None}
+    for finished in result.made:  # two files with the same bytes, both in this run
+        if finished.manifest is not None:
+            before.setdefault(finished.manifest.key, finished.manifest.source.path)
+    settled = settle(folder, [f.manifest for f in made.values() if f.manifest], before)
+    result.notes = settled.notes
+    for key, whole in settled.beginnings.items():
+        text = f"is only the beginning of {whole}, which is stored whole"
+        result.made.remove(made[key])
+        result.failed.append(
+            Finished(made[key].path, error=RowsRefused(text, where=Where(made[key].path)))
+        )
 
 
 def _engine(name: str, address: str | None, workers: int) -> AbstractContextManager[Engine]:

@@ -34,8 +34,7 @@ from pipeline.parallel.processes import local_engine
 from pipeline.run.pass_two import estimate_recording
 from pipeline.run.recording import Outcome, Timelines, Work, add_failure, attempt
 from pipeline.run.recording_paths import folders_apart
-from pipeline.run.same_evidence import overlaps, same_as_stored
-from pipeline.run.truth import match_again
+from pipeline.run.same_evidence import take_once, tell_repeated_frames
 from pipeline.run.windows.course import (
     Course,
     SharedProgress,
@@ -45,14 +44,7 @@ from pipeline.run.windows.course import (
 )
 from pipeline.run.windows.split import WINDOW_S
 from pipeline.store.database import Store
-from pipeline.store.parquet import take_rows
-from pipeline.store.recordings import (
-    add_diagnostics,
-    forget,
-    has_truth_of_files,
-    list_recordings,
-    refuse_collision,
-)
+from pipeline.store.recordings import list_recordings
 from pipeline.store.runs import finish_run, new_run_id, start_run
 from pipeline.store.scratch import Begun, empty_database
 
@@ -150,7 +142,8 @@ def run(
                 report(Progress(work.path.name, "done", outcome.recording.frame_count, 1.0))
         prepared.result()
         result.outcomes.sort(key=lambda outcome: paths.index(outcome.path))
-        _tell_overlaps(store, result)
+        stored = [o.recording.recording_id for o in result.outcomes if o.recording is not None]
+        tell_repeated_frames(store, stored, begun.run_id)
         finish_run(store, begun.run_id)
     return result
 
@@ -212,40 +205,14 @@ def _take(store: Store, outcome: Outcome, run_id: str, taken: dict[str, int], pl
     row = outcome.recording
     if row is not None and place > taken.get(row.recording_id, -1):
         try:
-            refuse_collision(store, row)
-            same = same_as_stored(store, row)
-            if same.whole:
-                raise RowsRefused(
-                    f"is only the beginning of {same.whole}, which is stored whole",
-                    where=Where(outcome.path),
-                )
             with outcome.times.stage("store"), store.transaction():
-                for replaced in same.replaced:
-                    forget(store, replaced)
-                take_rows(store, row.recording_id, outcome.files)
-                if has_truth_of_files(store, row.recording_id):
-                    match_again(store, row.recording_id)
-                if same.notes:
-                    add_diagnostics(store, same.notes, row.recording_id, run_id, row.path.name)
+                take_once(store, row, outcome.files, run_id)
             taken[row.recording_id] = place
         except RowsRefused as error:
             outcome.recording, outcome.error = None, error
     if outcome.error is not None:
         stored = outcome.recording.recording_id if outcome.recording is not None else None
         add_failure(store, outcome.path, outcome.error, run_id, stored)
-
-
-def _tell_overlaps(store: Store, result: RunResult) -> None:
-    """Note which recordings hold the same frames as one that was given or stored before them.
-
-    In the order given, at the end: whichever was finished first makes no difference.
-    """
-    rows = [o.recording for o in result.outcomes if o.recording is not None]
-    for place, row in enumerate(rows):
-        notes = overlaps(store, row.recording_id, {r.recording_id for r in rows[place + 1 :]})
-        if notes:
-            with store.transaction():
-                add_diagnostics(store, notes, row.recording_id, result.run_id, row.path.name)
 
 
 @contextmanager

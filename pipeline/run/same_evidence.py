@@ -1,35 +1,39 @@
 """Recordings that hold the same evidence as one that is stored: it is counted once, and told.
 
 The same bytes have the same key wherever they lie, so the one replaces the other. A recording that was
-read while it grew is the beginning of the whole one; its hash says so.
+read while it grew is the beginning of the whole one; its hash says so. Frames that two recordings hold
+stay in both; the view `repeated_frames` tells which do not count.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pipeline.core.errors import RowsRefused, Where
 from pipeline.core.records import Diagnostic, Severity
+from pipeline.run.truth import match_again
 from pipeline.store.database import Store
-from pipeline.store.recordings import RecordingRow
+from pipeline.store.parquet import take_rows
+from pipeline.store.recordings import (
+    RecordingRow,
+    add_diagnostics,
+    forget,
+    has_truth_of_files,
+    refuse_collision,
+)
 
 _BLOCK = 1 << 20
-# Stored frames are the same as new ones if camera, times, bytes and light are equal.
-_OVERLAPS = """
-WITH mine AS (FROM frames WHERE recording_id = $recording),
-at_that_time AS (
-    SELECT o.recording_id FROM recordings o JOIN recordings n ON n.recording_id = $recording
-    WHERE o.recording_id <> $recording
-        AND o.start_time_ns <= n.end_time_ns AND o.end_time_ns >= n.start_time_ns
-)
-SELECT r.recording_id, r.file_name, count(*) AS frames
-FROM mine
-JOIN (FROM frames SEMI JOIN at_that_time USING (recording_id)) f
-    USING (camera, log_time_ns, capture_time_ns, image_bytes)
-JOIN recordings r ON r.recording_id = f.recording_id
-WHERE f.luminance IS NOT DISTINCT FROM mine.luminance
+_CODE = "overlapping_recordings"
+_REPEATED = """
+SELECT
+    recording_id, later.file_name, later.run_id, first.file_name AS first_name, count(*) AS frames
+FROM main.repeated_frames
+JOIN recordings later USING (recording_id)
+JOIN recordings first ON first.recording_id = first_recording_id
+WHERE list_contains($of, recording_id) OR list_contains($of, first_recording_id)
 GROUP BY ALL ORDER BY ALL
 """
 
@@ -64,31 +68,95 @@ def same_as_stored(store: Store, row: RecordingRow) -> Same:
                 )
                 text += "shorter; this recording replaces them"
                 found.notes.append(Diagnostic(Severity.WARNING, "replaced_beginning", text))
-        elif _hash_of_beginning(Path(path), row.size_bytes) == row.content_sha256:
+        elif _begins_with(Path(path), size, row):
             found.whole = path
     return found
 
 
-def overlaps(store: Store, recording_id: str, later: Collection[str]) -> list[Diagnostic]:
-    """Return a warning for each stored recording with the same frames as a new one.
+def take_once(store: Store, row: RecordingRow, files: Mapping[str, Path], run_id: str) -> None:
+    """Take a recording's rows in, in place of those that it holds as well; call inside a transaction.
+
+    Raises:
+        RowsRefused: it is the beginning of one that is stored whole, or its key is taken.
+    """
+    refuse_collision(store, row)
+    same = same_as_stored(store, row)
+    if same.whole:
+        raise RowsRefused(
+            f"is only the beginning of {same.whole}, which is stored whole", where=Where(row.path)
+        )
+    for replaced in same.replaced:
+        forget(store, replaced)
+    take_rows(store, row.recording_id, files)
+    if has_truth_of_files(store, row.recording_id):
+        match_again(store, row.recording_id)
+    if same.notes:
+        add_diagnostics(store, same.notes, row.recording_id, run_id, row.path.name)
+
+
+def tell_repeated_frames(
+    store: Store, recording_ids: Collection[str], run_id: str | None = None
+) -> None:
+    """Note at each recording which of its frames another one holds too, in place of older notes.
+
+    It asks when all are stored: whichever was finished first makes no difference.
 
     Args:
         store: the database.
-        recording_id: the new one.
-        later: recordings that tell it of themselves.
+        recording_ids: recordings that are new in it.
+        run_id: the run that says so; None takes the run of each recording.
     """
-    rows = store.connection.execute(_OVERLAPS, {"recording": recording_id}).fetchall()
-    return [
-        Diagnostic(
-            Severity.WARNING,
-            "overlapping_recordings",
-            f"{count:,} frames are also in {name}: what is counted over both recordings counts them "
-            "twice; leave one of the files out",
-            count=count,
+    found = repeated_frames(store, recording_ids)
+    if not found:
+        return
+    with store.transaction():
+        for recording_id in {one.recording_id for one in found}:
+            store.connection.execute(
+                "DELETE FROM diagnostics WHERE recording_id = ? AND code = ?",
+                [recording_id, _CODE],
+            )
+        for one in found:
+            add_diagnostics(
+                store, [one.note], one.recording_id, run_id or one.run_id, one.file_name
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated:
+    """Frames of a recording that another one, which began earlier, holds too."""
+
+    recording_id: str
+    file_name: str
+    run_id: str
+    first_name: str
+    count: int
+
+    @property
+    def note(self) -> Diagnostic:
+        """What is to be told of them."""
+        text = (
+            f"{self.count:,} frames are also in {self.first_name}, which began earlier; they count "
+            "there and not here in people, places, current_estimates and what accuracy adds up"
         )
-        for key, name, count in rows
-        if key not in later
-    ]
+        return Diagnostic(Severity.WARNING, _CODE, text, count=self.count)
+
+
+def repeated_frames(store: Store, recording_ids: Collection[str]) -> list[Repeated]:
+    """Return, by recording, the repeated frames that these recordings have or bring about."""
+    rows = store.connection.execute(_REPEATED, {"of": list(recording_ids)}).fetchall()
+    return [Repeated(*row) for row in rows]
+
+
+def _begins_with(path: Path, size: int, row: RecordingRow) -> bool:
+    """Return true if a file, as it was stored, begins with a new recording.
+
+    A shorter file under the same path has taken its place, and is no beginning of what is gone.
+    """
+    try:
+        is_it_still = path.stat().st_size == size and not path.samefile(row.path)
+    except OSError:
+        return False
+    return is_it_still and _hash_of_beginning(path, row.size_bytes) == row.content_sha256
 
 
 def _hash_of_beginning(path: Path, size: int) -> str | None:

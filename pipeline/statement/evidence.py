@@ -36,7 +36,7 @@ SELECT
     e.height_m, e.height_low_m, e.height_high_m, e.height_assumed, o.x_min_px, o.y_min_px,
     o.x_max_px, o.y_max_px, coalesce(o.occlusion, 0) AS occlusion, coalesce(o.measured, true) AS measured,
     o.truncated_left OR o.truncated_top OR o.truncated_right OR o.truncated_bottom AS truncated
-FROM current_estimates AS e
+FROM recording_estimates AS e
 JOIN observations AS o USING (recording_id, observation_index)
 JOIN frames AS f ON f.recording_id = e.recording_id AND f.camera = e.camera
     AND f.frame_index = e.frame_index
@@ -52,7 +52,8 @@ GROUP BY severity, code, message
 ORDER BY array_position(['error', 'warning', 'info'], severity), code
 """
 _DIFFERENCE = """
-SELECT height_difference(a, b) AS difference, taller(a, b) AS taller FROM people AS a, people AS b
+SELECT height_difference(a, b) AS difference, taller(a, b) AS taller
+FROM recording_people AS a, recording_people AS b
 WHERE a.recording_id = $recording AND a.camera = $camera AND a.track_id = $track
     AND b.recording_id = $recording AND b.camera = $camera AND b.track_id = $other
 """

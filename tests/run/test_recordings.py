@@ -43,10 +43,12 @@ def jpeg(value: int = 90) -> bytes:
     return cv2.imencode(".jpg", image)[1].tobytes()
 
 
-def write_people(path: Path, frames: int = 12, *, broken: int | None = None) -> None:
+def write_people(
+    path: Path, frames: int = 12, *, broken: int | None = None, first: int = 0
+) -> None:
     """Two recorded people of 1.6 and 1.8 m, 10 m away, before a level camera at 1.5 m."""
     with RecordingWriter(path) as writer:
-        for index in range(frames):
+        for index in range(first, first + frames):
             time_ns = START_NS + index * 100_000_000
             data = b"\xff\xd8broken" if index == broken else jpeg()
             writer.write("/image", image_message(data, "jpeg", time_ns, CAMERA), time_ns)

@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from pipeline.mcap_file.writer import RecordingWriter, image_message
+from pipeline.cluster.manifest import read_manifests
+from pipeline.cluster.results_folder import merge
+from pipeline.cluster.shared_run import run_shared
 from pipeline.run.recordings import run
 from pipeline.store.database import Store
-from tests.run.test_recordings import LEVEL, START_NS, jpeg, write_people
+from tests.run.test_recordings import LEVEL, write_people
 
 
 @pytest.fixture(scope="module")
@@ -71,17 +73,86 @@ def test_the_same_bytes_under_another_path_count_once(whole: Path, tmp_path: Pat
     assert "same_content" in codes
 
 
-def test_files_that_overlap_are_told(tmp_path: Path) -> None:
-    paths = [tmp_path / "0.mcap", tmp_path / "1.mcap"]
-    for path, first in zip(paths, (0, 4), strict=True):
-        with RecordingWriter(path) as writer:
-            for index in range(first, first + 6):
-                time_ns = START_NS + index * 100_000_000
-                data = jpeg(40 + 9 * index)
-                writer.write("/i", image_message(data, "jpeg", time_ns, "cam"), time_ns)
-    run(paths, tmp_path / "x.duckdb", LEVEL)
-    with Store.open(tmp_path / "x.duckdb", read_only=True) as store:
+def split_files(folder: Path, firsts: tuple[int, ...] = (0, 4), frames: int = 6) -> list[Path]:
+    """Write files of one camera that share frames, each with a person in truth and detections."""
+    paths = [folder / f"{number}.mcap" for number in range(len(firsts))]
+    for path, first in zip(paths, firsts, strict=True):
+        write_people(path, frames, first=first)
+    return paths
+
+
+def counted(database: Path) -> tuple[int, int, int, int]:
+    """Return the rows of estimates, errors and people as counted, and frames that are repeated."""
+    names = ("current_estimates", "accuracy.errors", "people", "repeated_frames")
+    with Store.open(database, read_only=True) as store:
+        found = [store.query(f"FROM {name}").num_rows for name in names]
+    return found[0], found[1], found[2], found[3]
+
+
+def test_frames_of_files_that_overlap_count_once(tmp_path: Path) -> None:
+    """What is counted over split files is what one file of all frames gives, in any order."""
+    whole, database = tmp_path / "whole", tmp_path / "x.duckdb"
+    whole.mkdir()
+    run(split_files(whole, (0,), 10), whole / "x.duckdb", LEVEL)
+    expected = counted(whole / "x.duckdb")
+    assert expected[0] > 0 < expected[1]
+    paths = split_files(tmp_path)
+    run([paths[1]], database, LEVEL)
+    run([paths[0]], database, LEVEL)
+    found = counted(database)
+    assert found[:2] == expected[:2]
+    assert found[3] == 2
+    with Store.open(database, read_only=True) as store:
         rows = store.query(
             "SELECT file_name, count FROM diagnostics WHERE code = 'overlapping_recordings'"
         )
+        assert store.query("FROM recording_estimates").num_rows > found[0]
     assert rows.to_pylist() == [{"file_name": "1.mcap", "count": 2}]
+
+
+def test_a_file_that_lies_within_another_counts_no_further_people(tmp_path: Path) -> None:
+    paths = split_files(tmp_path, (2, 0))
+    write_people(paths[1], 12)
+    run([paths[1]], tmp_path / "one.duckdb", LEVEL)
+    run(paths, tmp_path / "x.duckdb", LEVEL, workers=2)
+    assert counted(tmp_path / "x.duckdb")[:3] == counted(tmp_path / "one.duckdb")[:3]
+
+
+def test_split_files_in_a_folder_of_parts_and_merged_count_once(tmp_path: Path) -> None:
+    paths = split_files(tmp_path)
+    run(paths, tmp_path / "x.duckdb", LEVEL)
+    result = run_shared(paths, tmp_path / "parts", LEVEL)
+    assert [(name, note.count) for name, note in result.notes] == [("1.mcap", 2)]
+    assert merge(tmp_path / "parts", tmp_path / "merged.duckdb") == 2
+    assert counted(tmp_path / "merged.duckdb") == counted(tmp_path / "x.duckdb")
+    assert "overlapping_recordings" in stored(tmp_path / "merged.duckdb")[2]
+
+
+def test_a_recording_that_grew_counts_once_in_a_folder_of_parts(
+    whole: Path, tmp_path: Path
+) -> None:
+    path, parts = tmp_path / "live.mcap", tmp_path / "parts"
+    begun(whole, path)
+    before = run_shared([path], parts, LEVEL)
+    merge(parts, tmp_path / "x.duckdb")
+    shutil.copy(whole, path)
+    again = run_shared([path], parts, LEVEL)
+    assert [note.code for _, note in again.notes] == ["replaced_beginning"]
+    assert before.made[0].manifest is not None
+    assert [m.frame_count for m in read_manifests(parts)] == [12]
+    late = run_shared([begun(whole, tmp_path / "late.mcap")], parts, LEVEL)
+    assert "only the beginning of" in str(late.failed[0].error)
+    assert [m.frame_count for m in read_manifests(parts)] == [12]
+    shutil.copy(whole, tmp_path / "copy.mcap")
+    copied = run_shared([tmp_path / "copy.mcap"], parts, LEVEL)
+    assert [note.code for _, note in copied.notes] == ["same_content"]
+    assert merge(parts, tmp_path / "x.duckdb") == 1  # in place of the beginning
+    assert stored(tmp_path / "x.duckdb")[:2] == (["copy.mcap"], 12)
+
+
+def test_a_shorter_file_in_the_place_of_a_longer_one_is_stored(tmp_path: Path) -> None:
+    path, database = tmp_path / "a.mcap", tmp_path / "x.duckdb"
+    write_people(path, 12)
+    run([path], database, LEVEL)
+    write_people(path, 5)
+    assert run([path], database, LEVEL).failed == []

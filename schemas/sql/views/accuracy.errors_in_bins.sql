@@ -14,6 +14,7 @@ truth AS (
         matches.*, from_m AS true_depth_from_m,
         nullif(to_m, 'infinity'::DOUBLE) AS true_depth_to_m
     FROM main.matches
+    ANTI JOIN main.repeated_frames USING (recording_id, camera, frame_index)
     LEFT JOIN depth_bins
         ON edges IS NOT NULL AND true_depth_m >= from_m AND true_depth_m < to_m
 )

@@ -1,11 +1,15 @@
 -- How much of the truth was found, and by which rule was it matched?
 CREATE OR REPLACE VIEW accuracy.matching AS
 WITH truth AS (
-    SELECT recording_id, camera, count(*) AS truth_count FROM main.ground_truth GROUP BY ALL
+    SELECT recording_id, camera, count(*) AS truth_count
+    FROM main.ground_truth
+    ANTI JOIN main.repeated_frames USING (recording_id, camera, frame_index)
+    GROUP BY ALL
 ),
 observed AS (
     SELECT recording_id, camera, count(*) AS observation_count
     FROM main.observations
+    ANTI JOIN main.repeated_frames USING (recording_id, camera, frame_index)
     GROUP BY ALL
 ),
 matched AS (
@@ -15,6 +19,7 @@ matched AS (
         count(*) FILTER (rule = 'overlap') AS by_overlap_count,
         avg(overlap) AS mean_overlap
     FROM main.matches
+    ANTI JOIN main.repeated_frames USING (recording_id, camera, frame_index)
     GROUP BY ALL
 )
 SELECT

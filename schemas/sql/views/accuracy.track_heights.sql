@@ -5,6 +5,7 @@ WITH sightings AS (
         recording_id, camera, track_id, object_id, any_value(class_name) AS class_name,
         count(*) AS matched_count, median(true_height_m) AS true_height_m
     FROM main.matches
+    ANTI JOIN main.repeated_tracks USING (recording_id, camera, track_id)
     GROUP BY ALL
 ),
 -- A track that changed from one object to another counts as the one that it followed longer.

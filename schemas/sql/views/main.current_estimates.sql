@@ -1,19 +1,9 @@
--- How far away and how tall is every object in every frame, by the newest run?
+-- How far away and how tall is every object in every frame, by the newest run, each frame once?
 CREATE OR REPLACE VIEW main.current_estimates AS
-SELECT
-    estimates.recording_id, observations.camera, observations.frame_index,
-    frames.capture_time_ns, observations.track_id, observations.class_name,
-    estimates.* EXCLUDE (recording_id),
-    greatest(depth_m - stats.normal_95() * depth_std_m, 0) AS depth_low_m,
-    depth_m + stats.normal_95() * depth_std_m AS depth_high_m,
-    greatest(height_m - stats.normal_95() * height_std_m, 0) AS height_low_m,
-    height_m + stats.normal_95() * height_std_m AS height_high_m
-FROM main.estimates
-JOIN main.current_run USING (recording_id, run_id)
-JOIN main.observations USING (recording_id, observation_index)
-LEFT JOIN main.frames USING (recording_id, camera, frame_index);
+FROM main.recording_estimates
+ANTI JOIN main.repeated_frames USING (recording_id, camera, frame_index);
 
-COMMENT ON VIEW main.current_estimates IS 'How far away and how tall is every object in every frame, by every method of the newest run of its recording?';
+COMMENT ON VIEW main.current_estimates IS 'How far away and how tall is every object in every frame, by every method of the newest run of its recording? Frames that several recordings hold count once (repeated_frames).';
 COMMENT ON COLUMN main.current_estimates.depth_low_m IS 'Lower end of the 95 % interval of the depth.';
 COMMENT ON COLUMN main.current_estimates.depth_high_m IS 'Upper end of the 95 % interval of the depth.';
 COMMENT ON COLUMN main.current_estimates.height_low_m IS 'Lower end of the 95 % interval of the height in this frame.';

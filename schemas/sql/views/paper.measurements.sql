@@ -16,7 +16,10 @@ SELECT
     END AS object_height_px,
     object_height_px * frames.pixel_pitch_y_um / 1000 AS object_height_mm,
     matches.true_depth_m, matches.true_height_m
-FROM main.matches
+FROM (
+    FROM main.matches
+    ANTI JOIN main.repeated_frames USING (recording_id, camera, frame_index)
+) AS matches
 JOIN main.observations USING (recording_id, observation_index)
 JOIN main.frames
     ON frames.recording_id = matches.recording_id
