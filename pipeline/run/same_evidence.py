@@ -133,7 +133,7 @@ class Repeated:
 
     @property
     def note(self) -> Diagnostic:
-        """What is to be told of them."""
+        """Warning about them."""
         text = (
             f"{self.count:,} frames are also in {self.first_name}, which began earlier; they count "
             "there and not here in people, places, current_estimates and what accuracy adds up"

@@ -90,7 +90,7 @@ def counted(database: Path) -> tuple[int, int, int, int]:
 
 
 def test_frames_of_files_that_overlap_count_once(tmp_path: Path) -> None:
-    """What is counted over split files is what one file of all frames gives, in any order."""
+    """Counts over split files are those of one file of all frames, in any order."""
     whole, database = tmp_path / "whole", tmp_path / "x.duckdb"
     whole.mkdir()
     run(split_files(whole, (0,), 10), whole / "x.duckdb", LEVEL)
