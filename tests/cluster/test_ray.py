@@ -15,14 +15,13 @@ os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # loopback alone
 ray = pytest.importorskip("ray", reason="the extra `ray` is not installed")
 
-from tests.cluster.test_split import write_crossings  # noqa: E402
-
 from pipeline.cluster.engine import ray_engine  # noqa: E402
 from pipeline.cluster.manifest import read_manifests  # noqa: E402
 from pipeline.cluster.results_folder import open_shared  # noqa: E402
 from pipeline.cluster.shared_run import run_shared  # noqa: E402
 from pipeline.core.errors import StadimeterError  # noqa: E402
 from tests.run.test_recordings import LEVEL, write_people  # noqa: E402
+from tests.run.windows.test_split import write_crossings  # noqa: E402
 
 pytestmark = pytest.mark.slow
 
