@@ -143,20 +143,19 @@ def _track_rows(observations: pa.Table) -> pa.Table:
     n = len(first)
     from pipeline.core.tables import TRACKS
 
-    return as_table(
-        {
-            "camera": ["gate"] * n,
-            "track_id": grouped["track_id"].to_numpy(),
-            "class_name": ["person"] * n,
-            "object_id": [None] * n,
-            "first_frame_index": first,
-            "last_frame_index": last,
-            "first_time_ns": START_NS + first.astype(np.int64) * 40_000_000,
-            "last_time_ns": START_NS + last.astype(np.int64) * 40_000_000,
-            "observation_count": grouped["frame_index_count"].to_numpy(),
-        },
-        TRACKS,
-    )
+    columns: dict[str, object] = dict.fromkeys(TRACKS.names, [None] * n)
+    columns |= {
+        "camera": ["gate"] * n,
+        "track_id": grouped["track_id"].to_numpy(),
+        "class_name": ["person"] * n,
+        "first_frame_index": first,
+        "last_frame_index": last,
+        "first_time_ns": START_NS + first.astype(np.int64) * 40_000_000,
+        "last_time_ns": START_NS + last.astype(np.int64) * 40_000_000,
+        "observation_count": grouped["frame_index_count"].to_numpy(),
+        "filled_count": np.zeros(n, np.int32),
+    }
+    return as_table(columns, TRACKS)  # type: ignore[arg-type]
 
 
 def _frame_rows(rng: np.random.Generator, first: int, end: int) -> pa.Table:

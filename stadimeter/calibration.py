@@ -44,6 +44,7 @@ def calibrate(
     camera: Camera = None,
     known_heights_m: Mapping[int, float] | None = None,
     known_distances_m: Mapping[Pixels, float] | None = None,
+    known_uprights_m: Mapping[Pixels, float] | None = None,
 ) -> Poses: ...
 
 
@@ -66,6 +67,7 @@ def calibrate(
     exclude: Iterable[str] = (),
     known_heights_m: Mapping[int, float] | None = None,
     known_distances_m: Mapping[Pixels, float] | None = None,
+    known_uprights_m: Mapping[Pixels, float] | None = None,
 ) -> FittedToTruth | Poses | Floors:
     """Fit a camera file to the recordings of a database; write what was found.
 
@@ -84,6 +86,8 @@ def calibrate(
         known_heights_m: by walkers, statures in metres with shoes, by track id.
         known_distances_m: by walkers, distances in metres between two points on the ground, by their
             pixels (x, y, x, y).
+        known_uprights_m: by walkers, heights in metres of what stands upright on the ground, by the
+            pixels of its foot and of its upper end (x, y, x, y).
 
     Returns:
         By truth, calibrations, size priors and refused fits. By walkers and by blur, a list of pairs:
@@ -99,11 +103,11 @@ def calibrate(
 
     if folds < 2:
         raise UsageError(f"the number of folds must be at least 2, not {folds}")
-    if (known_heights_m or known_distances_m) and by != "walkers":
-        raise UsageError("known heights and distances belong to a calibration by walkers")
+    if (known_heights_m or known_distances_m or known_uprights_m) and by != "walkers":
+        raise UsageError("known heights and lengths belong to a calibration by walkers")
     config = config_of(camera)
     if by == "walkers":
-        known = _known(known_heights_m or {}, known_distances_m or {})
+        known = _known(known_heights_m or {}, known_distances_m or {}, known_uprights_m or {})
         return calibration.calibrate_stored_walkers(Path(db), Path(output), config, known)
     if by == "blur":
         return calibration.calibrate_stored_blur(Path(db), Path(output), config)
@@ -125,15 +129,18 @@ def calibrate(
     return calibration.calibrate_stored_truth(Path(db), Path(output), config, options)
 
 
-def _known(heights_m: Mapping[int, float], distances_m: Mapping[Pixels, float]) -> KnownLengths:
-    import numpy as np
+def _known(
+    heights_m: Mapping[int, float],
+    distances_m: Mapping[Pixels, float],
+    uprights_m: Mapping[Pixels, float],
+) -> KnownLengths:
+    from pipeline.calibrate.walkers.known_lengths import KnownHeight, KnownLengths
+    from pipeline.core.records import KnownLength
 
-    from pipeline.calibrate.walkers.known_lengths import KnownDistance, KnownHeight, KnownLengths
-
-    return KnownLengths(
-        tuple(KnownHeight(track, height_m) for track, height_m in heights_m.items()),
-        tuple(
-            KnownDistance(np.array(pixels, dtype=np.float64).reshape(2, 2), distance_m)
-            for pixels, distance_m in distances_m.items()
-        ),
-    )
+    lengths = [
+        KnownLength(tuple(map(float, pixels)), length_m, upright=upright)
+        for lengths_m, upright in ((distances_m, False), (uprights_m, True))
+        for pixels, length_m in lengths_m.items()
+    ]
+    heights = [KnownHeight(track, height_m) for track, height_m in heights_m.items()]
+    return KnownLengths(tuple(heights), tuple(lengths))

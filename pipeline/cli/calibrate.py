@@ -70,6 +70,13 @@ def add(commands: Commands) -> None:
         metavar="X,Y,X,Y=M",
         help="with --walkers: how far apart two points on the ground are, given in pixels",
     )
+    parser.add_argument(
+        "--known-upright",
+        action="append",
+        default=[],
+        metavar="X,Y,X,Y=M",
+        help="with --walkers: how tall a post or a door is, given by the pixels of its foot and its top",
+    )
     parser.set_defaults(function=call)
 
 
@@ -79,9 +86,11 @@ def call(arguments: argparse.Namespace) -> int:
 
     if arguments.walkers and arguments.blur:
         raise UsageError("--walkers and --blur are two calibrations: one after the other")
-    heights_m, distances_m = _known(arguments)
-    if (heights_m or distances_m) and not arguments.walkers:
-        raise UsageError("--known-height and --known-distance belong to --walkers")
+    heights_m = _known_heights_m(arguments.known_height)
+    distances_m = _known_lengths_m("--known-distance", arguments.known_distance)
+    uprights_m = _known_lengths_m("--known-upright", arguments.known_upright)
+    if (heights_m or distances_m or uprights_m) and not arguments.walkers:
+        raise UsageError("--known-height, --known-distance and --known-upright belong to --walkers")
     camera, output = arguments.camera, arguments.output
     if arguments.recordings:
         with progress_lines() as progress:
@@ -101,6 +110,7 @@ def call(arguments: argparse.Namespace) -> int:
             camera=camera,
             known_heights_m=heights_m,
             known_distances_m=distances_m,
+            known_uprights_m=uprights_m,
         )
         found = print_poses(poses)
     else:
@@ -120,13 +130,10 @@ def call(arguments: argparse.Namespace) -> int:
     return DONE if found else FAILED
 
 
-def _known(
-    arguments: argparse.Namespace,
-) -> tuple[dict[int, float], dict[tuple[float, float, float, float], float]]:
-    """Return statures by track, and distances on the ground by their pixels, both in metres."""
+def _known_heights_m(texts: list[str]) -> dict[int, float]:
+    """Return statures in metres by track."""
     heights_m: dict[int, float] = {}
-    distances_m: dict[tuple[float, float, float, float], float] = {}
-    for text in arguments.known_height:
+    for text in texts:
         try:
             track, _, height = text.partition("=")
             heights_m[int(track)] = float(height)
@@ -134,16 +141,24 @@ def _known(
             raise UsageError(
                 f"--known-height {text!r} is no TRACK=METRES, such as 12=1.80"
             ) from error
-    for text in arguments.known_distance:
+    return heights_m
+
+
+def _known_lengths_m(
+    option: str, texts: list[str]
+) -> dict[tuple[float, float, float, float], float]:
+    """Return lengths in metres by the pixels of their ends."""
+    lengths_m: dict[tuple[float, float, float, float], float] = {}
+    for text in texts:
         try:
-            points, _, distance = text.partition("=")
+            points, _, length = text.partition("=")
             x0_px, y0_px, x1_px, y1_px = (float(value) for value in points.split(","))
-            distances_m[x0_px, y0_px, x1_px, y1_px] = float(distance)
+            lengths_m[x0_px, y0_px, x1_px, y1_px] = float(length)
         except ValueError as error:
             raise UsageError(
-                f"--known-distance {text!r} is no X,Y,X,Y=METRES, such as 310,420,505,433=4.2"
+                f"{option} {text!r} is no X,Y,X,Y=METRES, such as 310,420,505,433=4.2"
             ) from error
-    return heights_m, distances_m
+    return lengths_m
 
 
 def print_calibrations(fitted: FittedToTruth) -> int:

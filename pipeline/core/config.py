@@ -32,6 +32,7 @@ from pipeline.core.arrays import NAN
 from pipeline.core.calibration import Calibration, Dimension
 from pipeline.core.errors import UsageError, Where
 from pipeline.core.exposure import FIELDS
+from pipeline.core.records import KnownLength
 from pipeline.core.setting_bounds import impossible_settings
 from pipeline.core.stature import WALKING_M, adults_of, adults_of_anywhere
 
@@ -262,6 +263,8 @@ class CameraConfig:
     name: str
     # With these the pose of their recording is found anew, so that what follows from them is exact.
     known_person: tuple[KnownPerson, ...] = ()
+    # Lengths that fix the scale of a pose from walkers, and that a given pose is checked by.
+    known_length: tuple[KnownLength, ...] = ()
     country: str = ""  # whose people pass: two letters (ISO 3166-1); empty: that of the file
     focal_length_mm: float = NAN
     f_number: float = NAN

@@ -59,6 +59,18 @@ class LensClaim:
 
 
 @dataclass(frozen=True, slots=True)
+class KnownLength:
+    """A length in metres between two points of a camera's pictures: of a tile, a post, a door."""
+
+    # x, y, x, y as recorded; of an upright length the first is its foot, which stands on the ground
+    points_px: tuple[float, ...]
+    length_m: float
+    std_m: float = 0.0  # of who measured it, or of doors and vehicles of that kind
+    std_px: float = 1.0  # of the points, as somebody marks them
+    upright: bool = False  # else both points are on the ground
+
+
+@dataclass(frozen=True, slots=True)
 class FoundLens:
     """A lens that nothing told of, found with the camera's pose."""
 

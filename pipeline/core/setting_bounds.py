@@ -107,6 +107,11 @@ BOUNDS: Mapping[str, Mapping[str, Bound]] = {
         "roll_std_deg": _DEVIATION_DEG,
     },
     "KnownPerson": {"height_m": Bound(0.2, 3.0), "std_m": Bound(0.0, 1.0, above_low=True)},
+    "KnownLength": {
+        "length_m": _LENGTH_M,
+        "std_m": _LENGTH_STD_M,
+        "std_px": Bound(0.0, 1000.0, above_low=True),
+    },
     "SizePrior": {
         "mean_m": _LENGTH_M,
         "std_m": _LENGTH_STD_M,
@@ -179,6 +184,8 @@ def _contradictions(config: Any) -> Iterator[str]:
                 f"camera_height_m, {camera.camera_height_m:g}"
             )
         yield from _region(camera.roi_xyxy_px, f"{key}.roi_xyxy_px")
+        for number, known in enumerate(camera.known_length):
+            yield from _segment(known, f"{key}.known_length[{number}]")
     for index, prior in enumerate(getattr(config, "size_prior", ())):
         yield from _prior(prior, f"size_prior[{index}]")
     for index, fitted in enumerate(getattr(config, "calibration", ())):
@@ -199,6 +206,16 @@ def _country(table: Any, key: str) -> Iterator[str]:
 def _region(edges: tuple[float, ...], key: str) -> Iterator[str]:
     if edges and not (len(edges) == 4 and edges[0] < edges[2] and edges[1] < edges[3]):
         yield f"{key} is {list(edges)}; it must be [left, top, right, bottom], left before right"
+
+
+def _segment(known: Any, key: str) -> Iterator[str]:
+    ends = known.points_px
+    if len(ends) != 4 or ends[:2] == ends[2:]:
+        yield f"{key}.points_px is {list(ends)}; it must be [x, y, x, y] of two points that are apart"
+    elif known.upright and not ends[1] > ends[3]:
+        yield f"{key}.points_px is {list(ends)}; the foot must come first, below the upper end"
+    if known.std_m > known.length_m > 0:
+        yield f"{key}.std_m is {known.std_m:g}; it must be at most length_m, {known.length_m:g}"
 
 
 def _prior(prior: Any, key: str) -> Iterator[str]:

@@ -140,6 +140,7 @@ def calibrate_stored_walkers(
             "the camera file has no size_prior on the height of people",
             remedy="Add one, or leave out size_prior for that of adults",
         )
+    lengths = known.lengths
     results: list[tuple[str, Found | CalibrationUndetermined]] = []
     cameras: list[CameraConfig] = []
     with _writable(database) as store:
@@ -154,7 +155,8 @@ def calibrate_stored_walkers(
             people = tuple(
                 KnownPerson(ids[0], p.track_id, p.height_m, p.std_m) for p in known.heights
             )
-            cameras.append(replace(as_given(name, _combined(planes), lens), known_person=people))
+            entry = as_given(name, _combined(planes), lens)
+            cameras.append(replace(entry, known_person=people, known_length=lengths))
     if cameras:
         write_camera_file(camera_file, replace(config, camera=tuple(cameras)))
     return results
@@ -202,7 +204,7 @@ def calibrate_stored_blur(
 def _check_single(known: KnownLengths, count: int) -> None:
     if known and count > 1:
         raise UsageError(
-            "a known height or distance belongs to one camera of one recording",
+            "a known height or length belongs to one camera of one recording",
             remedy="Run that recording alone into a database of its own",
         )
 
@@ -258,11 +260,13 @@ def _of_recording(
         lens = known_lens(row, _unposed(config.camera_named(name)))
         camera = StoredCamera(store, recording_id, lens)
         prior = config.of_camera(name).stature or ADULT
+        stated = config.camera_named(name).known_length
+        here = replace(known, lengths=(*stated, *known.lengths))
         try:
             mine = tracks.filter(pc.equal(tracks["camera"], name))
             mine = mine.filter(in_standing_part(store, recording_id, name, mine))
-            measured = _people(camera, mine, known)
-            made = calibrate_stored(measured, lens, prior, known, lines_of(edges, name))
+            measured = _people(camera, mine, here)
+            made = calibrate_stored(measured, lens, prior, here, lines_of(edges, name))
         except CalibrationUndetermined as error:
             yield name, error
         else:

@@ -33,7 +33,7 @@ from pipeline.estimate.track_batches import Tracks
 from pipeline.run.clock_notes import clock_notes, speed_notes
 from pipeline.run.exposure_notes import exposure_notes
 from pipeline.run.people_check import lens_by_people, people_of, refused_pose
-from pipeline.run.scale_notes import scale_notes
+from pipeline.run.scale_notes import length_notes, scale_notes, unlike_prior
 from pipeline.run.standing_part import in_standing_part, parts_of
 from pipeline.run.stored_camera import StoredCamera, lines_of
 from pipeline.store.database import Store
@@ -95,6 +95,7 @@ def estimate_recording(
         if prior is not None:
             walkers = prior.object_class
             remarks.add(speed_notes(store, recording_id, run_id, row.camera, walkers))
+        remarks.add(length_notes(camera.row, plane, here))
     add_calibrations(store, remarks.calibrations(), run_id)
     add_diagnostics(store, remarks.diagnostics(), recording_id, run_id, file_name)
 
@@ -123,8 +124,8 @@ def _pose(
     claimed pose under which people are impossible is told, and not used.
     """
     name, prior = camera.row.camera, config.stature
-    known = _known_people(config.camera_named(name))
-    if known:
+    known = _known_lengths(config.camera_named(name))
+    if known.heights:
         poses: tuple[GroundPlane | None, ...] = ()
     else:
         poses = given_pose(config.camera_named(name), camera.row), recorded_pose(camera.row)
@@ -157,13 +158,13 @@ def _pose(
         remarks.add([found.contradiction.describe(name, camera.row.intrinsics_source or "")])
         camera.row = with_doubt(camera.row, found.plane)
     remarks.add([_describe(name, found.plane, found.report)])
+    remarks.add(unlike_prior(name, found.report.mean_ratio, prior) if known else [])
     return found.plane
 
 
-def _known_people(camera: CameraConfig) -> KnownLengths:
-    return KnownLengths(
-        tuple(KnownHeight(k.track_id, k.height_m, k.std_m) for k in camera.known_person)
-    )
+def _known_lengths(camera: CameraConfig) -> KnownLengths:
+    heights = tuple(KnownHeight(k.track_id, k.height_m, k.std_m) for k in camera.known_person)
+    return KnownLengths(heights, camera.known_length)
 
 
 def recorded_pose(camera: CameraRow) -> GroundPlane | None:

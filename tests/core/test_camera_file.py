@@ -22,6 +22,7 @@ from pipeline.core.config import (
     read_config,
 )
 from pipeline.core.errors import UsageError
+from pipeline.core.records import KnownLength
 
 finite = st.floats(allow_nan=False)
 unknown = st.one_of(st.just(float("nan")), finite)
@@ -41,12 +42,18 @@ calibrations = st.builds(
 )
 
 
+lengths = st.builds(
+    KnownLength, st.lists(finite, max_size=4).map(tuple), finite, finite, finite, st.booleans()
+)
+
+
 @st.composite
 def cameras(draw):
     values = {"name": draw(text), "distortion": tuple(draw(st.lists(finite, max_size=5)))}
     for f in fields(CameraConfig):
         if f.type == "float" and draw(st.booleans()):
             values[f.name] = draw(finite)
+    values["known_length"] = tuple(draw(st.lists(lengths, max_size=2)))
     return CameraConfig(**values)
 
 

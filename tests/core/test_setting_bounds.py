@@ -12,6 +12,7 @@ from pipeline.core.setting_bounds import impossible_settings
 
 CAMERA = '[[camera]]\nname = "mast"\n'
 PRIOR = '[[size_prior]]\nobject_class = "{kind}"\ndimension = "height"\nmean_m = {mean}\nstd_m = {std}\n'
+KNOWN = "known_length = [{{ points_px = [{px}], length_m = {m}{rest} }}]"
 SIZE = (
     '[[calibration]]\nmethod = "size"\nobject_class = "van"\ndimension = "width"\n'
     'parameters = [{{ name = "object_size_m", value = {value}, std_error = {error} }}]\n{rest}\n'
@@ -43,6 +44,12 @@ IMPOSSIBLE = {
     CAMERA + "distortion = [inf, 0.0]": "camera[0].distortion[0] is inf; it must be finite",
     CAMERA + "roi_xyxy_px = [10.0, 0.0, 5.0, 9.0]": "camera[0].roi_xyxy_px",
     CAMERA + "roi_xyxy_px = [10.0, 0.0]": "camera[0].roi_xyxy_px",
+    CAMERA + KNOWN.format(px="1, 9, 1", m=2.0, rest=""): "camera[0].known_length[0].points_px",
+    CAMERA + KNOWN.format(px="1, 9, 1, 9", m=2.0, rest=""): "two points that are apart",
+    CAMERA + KNOWN.format(px="1, 2, 1, 9", m=2.0, rest=", upright = true"): "foot must come first",
+    CAMERA + KNOWN.format(px="1, 9, 1, 2", m=-2.0, rest=""): "known_length[0].length_m is -2",
+    CAMERA + KNOWN.format(px="1, 9, 1, 2", m=2.0, rest=", std_m = 3.0"): "at most length_m, 2",
+    CAMERA + KNOWN.format(px="1, 9, 1, 2", m=2.0, rest=", std_px = 0.0"): "known_length[0].std_px",
     CAMERA + CAMERA: "camera[1].name 'mast' is there twice",
     '[[camera]]\nname = ""': "camera[0].name is empty",
     PRIOR.format(kind="person", mean=-1.7, std=0.1): "size_prior[0].mean_m",

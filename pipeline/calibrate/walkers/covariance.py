@@ -151,5 +151,6 @@ def bent_residuals(x: FloatArray, sample: Sample, scale: Scale) -> FloatArray:
         return np.asarray(points * (1.0 + step * (points**2).sum(axis=-1, keepdims=True)))
 
     bent = replace(sample, foot=bend(sample.foot), head=bend(sample.head))
-    other = residuals(x, bent, replace(scale, points=bend(scale.points)))
+    segments = replace(scale.segments, points=bend(scale.segments.points))
+    other = residuals(x, bent, replace(scale, segments=segments))
     return np.asarray((other - residuals(x, sample, scale)) / step)

@@ -125,7 +125,7 @@ def calibrate_lens_from_walkers(
             sample, prior, known, measured, uprights, [0.0], start, _at_zero(pose)
         )
         best.x[-1] += start
-    scale = scale_of(sample, prior, known, measured, uprights)
+    scale = scale_of(sample, prior, known, measured, uprights, plane_of(_of_pose(best)))
     return _result(best, sample, scale, measured, size_px)
 
 
@@ -157,9 +157,10 @@ def scaled(sample: Sample, scale: Scale, q: float) -> tuple[Sample, Scale]:
     """Return what a focal length exp(q) times as long would have made of both."""
     by = float(np.exp(-q))
     edges = replace(scale.uprights, middle=scale.uprights.middle * by)
+    segments = replace(scale.segments, points=scale.segments.points * by)
     return (
         replace(sample, foot=sample.foot * by, head=sample.head * by, sigma=sample.sigma * by),
-        replace(scale, points=scale.points * by, uprights=edges),
+        replace(scale, segments=segments, uprights=edges),
     )
 
 
@@ -268,7 +269,8 @@ def _fit_alike(
 ) -> tuple[Sample, OptimizeResult]:
     """Fit, leave out the tracks that the fit shows not to be one adult person, and fit again."""
     for turn in range(MAX_REJECTIONS + 1):
-        scale = scale_of(sample, prior, known, measured, uprights)
+        plane = plane_of(_of_pose(before)) if before is not None else None
+        scale = scale_of(sample, prior, known, measured, uprights, plane)
         pace = pace_of(sample, before)
         fits = [fit_focal(sample, scale, pace, q, usual) for q in starts]
         best = min(fits, key=lambda fit: float(fit.cost))

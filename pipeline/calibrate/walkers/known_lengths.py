@@ -8,22 +8,21 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.calibrate.walkers.model import Sample, Scale
+from pipeline.calibrate.walkers.segments import Segments, ends_px
 from pipeline.calibrate.walkers.upright_edges import Uprights, bend_std_of
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import SizePrior
 from pipeline.core.errors import UsageError
-from pipeline.estimate.boxes.ends import camera_of
+from pipeline.core.records import GroundPlane, KnownLength
 from pipeline.estimate.boxes.geometry import COMMON_SHARE
 from pipeline.estimate.gait import GAIT_DROP_M, GAIT_DROP_STD_M
 from pipeline.estimate.types import Measured
 
-# Where something here is known in metres it decides; the population still keeps a fit from running off.
-FREE_MEAN_STD = 0.3  # relative
 # A walker's head rises and falls by about 2 cm either side, and the box's foot is now one foot, now
 # the other (Whittle, Gait Analysis: vertical excursion of the trunk 46 mm).
 GAIT_STD = 0.02  # of the stature
 USUAL_M = 1.7
-FARTHEST_M = 1e4  # of a known distance: the ground is a plane no farther
+LONGEST_M = 1e4  # the ground is a plane no farther
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,24 +35,14 @@ class KnownHeight:
 
 
 @dataclass(frozen=True, slots=True)
-class KnownDistance:
-    """Distance of two points on the ground, each given by its pixel."""
-
-    points_px: FloatArray  # (2, 2)
-    distance_m: float
-    std_m: float = 0.0  # of the survey
-    std_px: float = 1.0  # of the points, as somebody marks them
-
-
-@dataclass(frozen=True, slots=True)
 class KnownLengths:
-    """Known lengths of a scene in metres; each overrides the stature of the population."""
+    """Known lengths of a scene in metres, beside the stature of the population."""
 
     heights: tuple[KnownHeight, ...] = ()
-    distances: tuple[KnownDistance, ...] = ()
+    lengths: tuple[KnownLength, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.heights or self.distances)
+        return bool(self.heights or self.lengths)
 
 
 NOTHING_KNOWN = KnownLengths()
@@ -78,43 +67,49 @@ def check_known(known: KnownLengths, measured: Measured) -> None:
             raise UsageError(f"there is no track {person.track_id} of camera {measured.camera!r}")
         if not (0.2 < person.height_m < 3.0 and person.std_m > 0):
             raise UsageError(f"no person is {person.height_m} m tall")
-    for distance in known.distances:
-        if not np.ptp(distance.points_px, axis=0).max() > 1:
-            raise UsageError("a known distance needs two points that are apart, and its length")
-        if not 0 < distance.distance_m <= FARTHEST_M:
-            raise UsageError(
-                f"a known distance of {distance.distance_m:g} m: it must be more than 0 and at most "
-                f"{FARTHEST_M:g} m"
-            )
-        check_inside(distance.points_px, measured)
+    for length in known.lengths:
+        _check_length(length, measured)
+
+
+def _check_length(known: KnownLength, measured: Measured) -> None:
+    points_px = ends_px(known)
+    if not np.ptp(points_px, axis=0).max() > 1:
+        raise UsageError("a known length needs two points that are apart, and its length")
+    if known.upright and not points_px[0, 1] > points_px[1, 1]:
+        raise UsageError(
+            "the first point of an upright length must be its foot, below the second in the picture"
+        )
+    if not 0 < known.length_m <= LONGEST_M:
+        raise UsageError(
+            f"a known length of {known.length_m:g} m: it must be more than 0 and at most "
+            f"{LONGEST_M:g} m"
+        )
+    check_inside(points_px, measured)
 
 
 def scale_of(
-    sample: Sample, prior: SizePrior, known: KnownLengths, measured: Measured, uprights: Uprights
+    sample: Sample,
+    prior: SizePrior,
+    known: KnownLengths,
+    measured: Measured,
+    uprights: Uprights,
+    plane: GroundPlane | None = None,
 ) -> Scale:
-    """Return what is known beside the tracks."""
+    """Return what is known beside the tracks; the pose, if there is one already, weighs marks."""
     mean_m, std_m = np.full((2, sample.people), [[prior.walking_mean_m], [prior.std_m]])
     of_population = np.ones(sample.people, dtype=np.bool_)
     for person in known.heights:
         mine = sample.track_id == person.track_id
         mean_m[mine], of_population[mine] = person.height_m - GAIT_DROP_M, False
         std_m[mine] = np.linalg.norm([person.std_m, GAIT_DROP_STD_M, _own_box_std_m(sample, mine)])
-    # One person's boxes may be off all along; beside them the population still says something.
-    mean_std = FREE_MEAN_STD if known.distances else prior.mean_uncertainty_m / prior.mean_m
-    camera = camera_of(measured.intrinsics) if measured.intrinsics else None
-    points = [
-        camera.normalize(np.asarray(d.points_px, dtype=np.float64))
-        for d in known.distances
-        if camera is not None
-    ]
+    # Beside what is known here the population still says something: one person's boxes may be off all
+    # along, and a mark misplaced.
     return Scale(
         mean_m,
         std_m,
         of_population,
-        float(mean_std),
-        np.array(points).reshape(-1, 2, 2),
-        np.array([d.distance_m for d in known.distances]),
-        np.array([_relative_std(d) for d in known.distances]),
+        float(prior.mean_uncertainty_m / prior.mean_m),
+        Segments.of(known.lengths, measured.intrinsics, plane),
         uprights,
         bend_std_of(measured.intrinsics),
     )
@@ -126,9 +121,3 @@ def _own_box_std_m(sample: Sample, person: npt.NDArray[np.bool_]) -> float:
     tall = np.maximum(sample.foot[rows, 1] - sample.head[rows, 1], 1e-9)
     noise = np.sqrt(np.maximum((sample.sigma[rows] / tall) ** 2 - GAIT_STD**2, 0.0))
     return float(USUAL_M * COMMON_SHARE * np.median(noise)) if rows.any() else 0.0
-
-
-def _relative_std(known: KnownDistance) -> float:
-    """Return the relative standard deviation of a distance: survey, and marks of two points."""
-    apart_px = float(np.linalg.norm(np.diff(known.points_px, axis=0)))
-    return float(np.hypot(known.std_m / known.distance_m, np.sqrt(2) * known.std_px / apart_px))

@@ -1,7 +1,7 @@
 """Residuals of the fit of a pose to walkers, and their derivatives by the unknowns.
 
 The residuals: the rows of the heads beside those that feet, heights and pose give; statures beside
-what is expected of them; what is known of the lens, the place and its distances. Statures are compared
+what is expected of them; what is known of the lens, the place and its lengths. Statures are compared
 by their logarithms: by their differences a smaller scene would fit better for nothing else than being
 small, the more so the more people there are. The Jacobian is analytic and sparse: a head depends on the
 pose and on one person. With P the row of a head, c and s the cosine and sine of the tilt,
@@ -20,12 +20,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from pipeline.calibrate.walkers.segments import IMPOSSIBLE, Segments
 from pipeline.calibrate.walkers.upright_edges import Uprights
 from pipeline.core.arrays import FloatArray
 from pipeline.optics.ground_plane import (
     depth_jacobian,
     foot_depth_m,
-    ground_position_m,
     remove_roll,
 )
 from pipeline.optics.silhouette import (
@@ -41,9 +41,6 @@ ROLL_STD_RAD = np.deg2rad(5.0)
 # of the motion detector on 24 cameras differ by 0.4 % a standard deviation, that is an unknown where
 # upright edges can tell it from roll; all else is considered in the covariance (`walkers_covariance`).
 SIDE_STD = 0.005
-# A residual of what cannot be: far off, but finite, so that the fit can find its way back.
-IMPOSSIBLE = 100.0
-
 # The unknowns: log camera height, tilt, roll, log of the mean of the people here over the population's,
 # what all reaches have in common, how a lens bends upright edges (`calibrate.upright`), what boxes have
 # in common on one side of the picture, and the height of each person.
@@ -74,15 +71,13 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Knowledge beside the tracks: statures as they are expected, distances, upright edges."""
+    """Knowledge beside the tracks: statures as they are expected, lengths, upright edges."""
 
     mean_m: FloatArray  # (p,)
     std_m: FloatArray  # (p,)
     of_population: npt.NDArray[np.bool_]  # (p,) whether the mean is the population's
     mean_std: float  # relative, of the mean of the people here about the population's
-    points: FloatArray  # (d, 2, 2) normalised
-    distance_m: FloatArray  # (d,)
-    distance_std: FloatArray  # (d,) relative
+    segments: Segments
     uprights: Uprights
     bend_std: float  # of the lens's distortion, by k of `calibrate.upright`
 
@@ -125,7 +120,8 @@ def residuals(x: FloatArray, sample: Sample, scale: Scale) -> FloatArray:
     people = (np.log(x[PEOPLE:]) - mean) * scale.mean_m / scale.std_m
     few = [x[unknown] / std for unknown, std in scale.few]
     edges = scale.uprights.off(x[TILT], x[ROLL], x[BEND])
-    return np.concatenate([error, people, few, _distance_errors(x, scale), edges])
+    lengths = scale.segments.off(np.exp(x[ABOVE]), x[TILT], x[ROLL])
+    return np.concatenate([error, people, few, lengths, edges])
 
 
 def jacobian(x: FloatArray, sample: Sample, scale: Scale) -> csr_matrix:
@@ -142,10 +138,10 @@ def jacobian(x: FloatArray, sample: Sample, scale: Scale) -> csr_matrix:
     values.append(np.array([1.0 / std for _, std in scale.few]))
     columns.append(np.array([unknown for unknown, _ in scale.few]))
     counts.append(np.ones(len(scale.few), dtype=int))
-    distances = _distance_slopes(x, scale)
-    values.append(distances)
-    columns.append(np.broadcast_to((ABOVE, TILT, ROLL), distances.shape))
-    counts.append(np.full(len(distances), 3))
+    lengths = scale.segments.off_jacobian(np.exp(x[ABOVE]), x[TILT], x[ROLL])
+    values.append(lengths)
+    columns.append(np.broadcast_to((ABOVE, TILT, ROLL), lengths.shape))
+    counts.append(np.full(len(lengths), 3))
     edges = scale.uprights.off_jacobian(x[TILT], x[ROLL])
     values.append(edges)
     columns.append(np.broadcast_to((TILT, ROLL, BEND), edges.shape))
@@ -193,49 +189,3 @@ def head_slopes(x: FloatArray, sample: Sample) -> FloatArray:
         scaled = -np.stack(slopes, axis=1) * (np.sqrt(sample.weight) / sample.sigma)[:, None]
         possible = np.isfinite(row)
     return np.where(possible[:, None], scaled, 0.0)
-
-
-def _distance_errors(x: FloatArray, scale: Scale) -> FloatArray:
-    """Return how far known distances are off, in standard deviations, (d,)."""
-    if not len(scale.points):
-        return np.empty(0)
-    apart_m = np.linalg.norm(_apart(_places(x, scale)), axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.log(apart_m / scale.distance_m) / scale.distance_std
-    return np.where(np.isfinite(error), error, IMPOSSIBLE)
-
-
-def _places(x: FloatArray, scale: Scale) -> FloatArray:
-    """Return where on the ground the ends of known distances are, (2 d, 2)."""
-    point = remove_roll(scale.points.reshape(-1, 2), x[ROLL])
-    depth_m = foot_depth_m(np.exp(x[ABOVE]), x[TILT], point[:, 1])
-    return np.stack(ground_position_m(depth_m, point[:, 0], point[:, 1], x[TILT]), axis=-1)
-
-
-def _apart(ends: FloatArray) -> FloatArray:
-    return ends[::2] - ends[1::2]
-
-
-def _distance_slopes(x: FloatArray, scale: Scale) -> FloatArray:
-    """Return the derivatives of `_distance_errors` by camera height (its log), tilt and roll, (d, 3)."""
-    if not len(scale.points):
-        return np.empty((0, 3))
-    above_m, tilt = np.exp(x[ABOVE]), x[TILT]
-    cos, sin = np.cos(tilt), np.sin(tilt)
-    right, down = remove_roll(scale.points.reshape(-1, 2), x[ROLL]).T
-    z_m = foot_depth_m(above_m, tilt, down)
-    _, z_by_tilt, z_by_roll, _ = depth_jacobian(above_m, tilt, right, down)
-    ahead = cos - down * sin
-    by_tilt = np.stack([z_by_tilt * right, z_by_tilt * ahead - z_m * (sin + down * cos)], axis=-1)
-    by_roll = np.stack(
-        [z_by_roll * right - z_m * down, z_by_roll * ahead - z_m * right * sin], axis=-1
-    )
-    apart = _apart(_places(x, scale))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = apart / (apart**2).sum(axis=1, keepdims=True)
-        slopes = [
-            np.ones(len(apart)),
-            *((along * _apart(by)).sum(axis=1) for by in (by_tilt, by_roll)),
-        ]
-        scaled = np.stack(slopes, axis=1) / scale.distance_std[:, None]
-    return np.where(np.isfinite(scaled).all(axis=1, keepdims=True), scaled, 0.0)

@@ -8,8 +8,8 @@ nonlinear least squares over the rows of the heads, given the feet:
 
 H' being how tall a body of the height H seems from there (`optics.silhouette.per_stature`),
 with the pose (h_c, t, roll), one height H a person, and the ratio of the mean of the people here to the
-population's as unknowns. Where somebody's height is known, or how far apart two points on the ground
-are, that fixes the scale instead of the population.
+population's as unknowns. Where somebody's height is known, or a length of the place, that fixes the
+scale more closely than the population does.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from pipeline.calibrate.walkers.known_lengths import (
 )
 from pipeline.calibrate.walkers.known_people import conditioned
 from pipeline.calibrate.walkers.model import (
+    MEAN,
     PEOPLE,
     REACH,
     Sample,
@@ -76,6 +77,7 @@ class WalkersReport:
     tilt_std_rad: float
     roll_std_rad: float
     uprights: int = 0  # edges of the place that were taken for vertical
+    mean_ratio: float = 1.0  # mean stature of the people here over the population's
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +150,7 @@ def fit_walkers(
         sample = only(again, np.array([i in chosen for i in again.track_id.tolist()]))
         uprights = uprights_at(lines_px, measured, best)
         sample, best = _fit_alike(sample, prior, known, measured, best, uprights)
-    scale = scale_of(sample, prior, known, measured, uprights)
+    scale = scale_of(sample, prior, known, measured, uprights, plane_of(best))
     return Fitted(measured, sample, scale, best, known)
 
 
@@ -183,7 +185,8 @@ def _fit_alike(
     uprights: Uprights = NO_UPRIGHTS,
 ) -> tuple[Sample, OptimizeResult]:
     """Fit, leave out the tracks that the fit shows not to be one adult person, and fit again."""
-    scale = scale_of(sample, prior, known, measured, uprights)
+    plane = plane_of(before) if before is not None else None
+    scale = scale_of(sample, prior, known, measured, uprights, plane)
     best = best_fit(sample, scale, before)
     for _ in range(MAX_REJECTIONS):
         # Somebody whose height is known may be as tall as they like.
@@ -191,7 +194,7 @@ def _fit_alike(
         if alike.all() or alike.sum() < MIN_PEOPLE:
             break
         sample = only(sample, alike)
-        scale = scale_of(sample, prior, known, measured, uprights)
+        scale = scale_of(sample, prior, known, measured, uprights, plane_of(best))
         best = best_fit(sample, scale, best)
     return sample, best
 
@@ -296,4 +299,5 @@ def report_of(
         tilt_std_rad=float(std[1]),
         roll_std_rad=float(std[2]),
         uprights=uprights,
+        mean_ratio=float(np.exp(fit.x[MEAN])),
     )

@@ -10,12 +10,14 @@ import pytest
 from bench.walkers import scene
 from pipeline.calibrate.walkers import covariance as walkers_covariance
 from pipeline.calibrate.walkers.known_lengths import NOTHING_KNOWN, scale_of
-from pipeline.calibrate.walkers.model import TILT
+from pipeline.calibrate.walkers.model import ABOVE, ROLL, TILT
 from pipeline.calibrate.walkers.pose import Fitted, best_fit, fit_walkers
 from pipeline.calibrate.walkers.sample import only
+from pipeline.calibrate.walkers.segments import Segments
 from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import ADULT
+from pipeline.core.records import KnownLength
 
 
 def fitted(seed: int, people: int = 10) -> Fitted:
@@ -55,3 +57,20 @@ def test_boxes_that_scatter_more_have_more_in_common() -> None:
 
     assert shares(good)[0] < 0.02  # the boxes are off by a pixel in a hundred
     assert (shares(bad)[:3] > 2 * shares(good)[:3]).all()
+
+
+def test_a_lens_that_bends_moves_the_ends_of_known_lengths_too() -> None:
+    seen = fitted(6)
+    lens = seen.measured.intrinsics
+    assert lens is not None
+    known = (KnownLength((5.0, 700.0, 1270.0, 700.0), 4.0),)
+    scale = replace(seen.scale, segments=Segments.of(known, lens))
+    x = seen.fit.x
+    by_bend = walkers_covariance.bent_residuals(x, seen.sample, scale)
+    ends = scale.segments.points
+    step = 1e-3
+    bent = replace(scale.segments, points=ends * (1 + step * (ends**2).sum(axis=-1)[..., None]))
+    pose = float(np.exp(x[ABOVE])), float(x[TILT]), float(x[ROLL])
+    slope = (bent.off(*pose) - scale.segments.off(*pose)) / step
+    assert abs(slope[0]) > 1e-3
+    assert by_bend[-1] == pytest.approx(slope[0], rel=0.02)

@@ -17,10 +17,11 @@ from pipeline.calibrate.walkers.model import Sample, Scale
 from pipeline.calibrate.walkers.pace import Pace, pace_of
 from pipeline.calibrate.walkers.pose import best_fit
 from pipeline.calibrate.walkers.sample import chosen_tracks, sample_of
+from pipeline.calibrate.walkers.segments import Segments
 from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS
 from pipeline.core.config import ADULT, Config
 from pipeline.core.errors import CalibrationUndetermined
-from pipeline.core.records import GroundPlane
+from pipeline.core.records import GroundPlane, KnownLength
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.estimate.methods import ground
 
@@ -74,7 +75,11 @@ def test_another_focal_length_only_scales_the_points() -> None:
     assert lens is not None
     longer = replace(lens, fx_px=lens.fx_px * 1.3, fy_px=lens.fy_px * 1.3)
     again = sample_of(replace(simulated.measured, intrinsics=longer), ADULT, sample.track_id)
-    by_scale, _ = scaled(sample, scale, np.log(1.3))
+    known = (KnownLength((200.0, 600.0, 210.0, 400.0), 2.0, upright=True),)
+    scale = replace(scale, segments=Segments.of(known, lens))
+    by_scale, lengths = scaled(sample, scale, np.log(1.3))
+    of_longer = Segments.of(known, longer).points
+    np.testing.assert_allclose(lengths.segments.points, of_longer, rtol=1e-9)
     np.testing.assert_allclose(by_scale.foot, again.foot, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(by_scale.head, again.head, rtol=1e-9, atol=1e-12)
 

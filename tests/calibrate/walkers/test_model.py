@@ -17,6 +17,7 @@ from pipeline.calibrate.walkers.model import (
     jacobian,
     residuals,
 )
+from pipeline.calibrate.walkers.segments import Segments
 from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS, Uprights
 
 PEOPLE_SEEN, EACH = 5, 7
@@ -47,9 +48,18 @@ def _scale(random: np.random.Generator, uprights: Uprights) -> Scale:
         random.uniform(0.05, 0.1, PEOPLE_SEEN),
         np.arange(PEOPLE_SEEN) > 0,
         0.03,
-        np.array([[[-0.2, 0.1], [0.3, 0.15]], [[0.1, 0.3], [0.12, 0.05]]]),
-        np.array([4.0, 9.0]),
-        np.array([0.02, 0.05]),
+        Segments(
+            np.array(
+                [
+                    [[-0.2, 0.1], [0.3, 0.15]],
+                    [[0.1, 0.3], [0.12, 0.05]],
+                    [[-0.1, 0.2], [-0.12, -0.05]],
+                ]
+            ),
+            np.array([4.0, 9.0, 2.1]),
+            np.array([0.02, 0.05, 0.01]),
+            np.array([False, False, True]),
+        ),
         uprights,
         0.15,
     )
@@ -94,9 +104,7 @@ def test_a_smaller_scene_fits_as_well_but_for_its_mean_stature() -> None:
     alike = replace(
         scale,
         of_population=np.ones(PEOPLE_SEEN, dtype=bool),
-        points=np.empty((0, 2, 2)),
-        distance_m=np.empty(0),
-        distance_std=np.empty(0),
+        segments=Segments.of((), None),
     )
     x = np.array([np.log(4.0), 0.3, 0.05, 0.02, 0.01, 0.1, 0.03, *random.uniform(1.5, 1.9, 5)])
     smaller = x.copy()

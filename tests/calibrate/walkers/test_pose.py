@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from bench.walkers import Scene, scene, score
-from pipeline.calibrate.walkers.known_lengths import KnownDistance, KnownHeight, KnownLengths
+from pipeline.calibrate.walkers.known_lengths import KnownHeight, KnownLengths
 from pipeline.calibrate.walkers.pose import MIN_PEOPLE, calibrate_from_walkers
 from pipeline.core.arrays import FloatArray
 from pipeline.core.config import ADULT, POPULATION_MEAN_STD_M
 from pipeline.core.errors import CalibrationUndetermined, UsageError
-from pipeline.core.records import GroundPlane
+from pipeline.core.records import GroundPlane, KnownLength
 from pipeline.estimate.boxes.geometry import Geometry
 from pipeline.optics.ground_plane import depth_jacobian, foot_depth_m, project_person
 
@@ -122,22 +122,45 @@ def test_a_known_height_overrides_the_population() -> None:
     assert std.max() < 0.03
 
 
-def test_a_known_distance_overrides_the_population() -> None:
-    """Of 2 m to 1 cm, and to 0.2 px where somebody marked its ends."""
+@pytest.mark.parametrize("upright", [False, True])
+def test_a_known_length_of_the_place_is_the_scale(upright: bool) -> None:
+    """Of 1 m to 5 mm, and to 0.2 px where somebody marked its ends: two points apart, or a post."""
 
-    def across(simulated: Scene) -> KnownLengths:
-        truth, lens = simulated.plane, simulated.measured.intrinsics
-        assert lens is not None
-        ahead_m = float(np.median(simulated.true_depth_m))
-        points_m = np.array([[-1.0, ahead_m], [1.0, ahead_m]])
-        pose = (truth.camera_height_m, truth.tilt_rad, truth.roll_rad)
-        foot, _ = project_person(points_m[:, 0], points_m[:, 1], np.ones(2), *pose)
-        points_px = foot * lens.fx_px + [lens.cx_px, lens.cy_px]
-        return KnownLengths(distances=(KnownDistance(points_px, 2.0, 0.01, std_px=0.2),))
+    ends_m = [(0.0, 0.0), (0.0, 1.0)] if upright else [(-0.5, 0.0), (0.5, 0.0)]
 
-    error, std = scale_errors(across)
+    def known(simulated: Scene) -> KnownLengths:
+        points_px = _marks(simulated, ends_m)
+        return KnownLengths(lengths=(KnownLength(points_px, 1.0, 0.005, 0.2, upright),))
+
+    error, std = scale_errors(known)
     assert (np.abs(error) < 3 * std).all()
-    assert std.max() < 0.012
+    # A post is far from most who walk: how its height reaches them follows from the tilt too.
+    assert std.max() < (0.025 if upright else 0.012)
+
+
+def test_known_lengths_outweigh_a_population_that_is_another() -> None:
+    """A post measured to 5 mm among children: they stay children, and that is told."""
+    simulated = scene(np.random.default_rng(12), 20, bad_share=0.0)
+    points_px = _marks(simulated, [(0.0, 0.0), (0.0, 1.0)])
+    known = KnownLengths(lengths=(KnownLength(points_px, 1.0, 0.005, 0.2, True),))
+    taller = replace(ADULT, mean_m=1.25 * ADULT.mean_m)  # so that all here seem a fifth too small
+    plane, report = calibrate_from_walkers(simulated.measured, taller, known)
+    assert plane.camera_height_m == pytest.approx(simulated.plane.camera_height_m, rel=0.025)
+    assert report.mean_ratio == pytest.approx(1 / 1.25, rel=0.05)
+
+
+def _marks(simulated: Scene, points_m: list[tuple[float, float]]) -> tuple[float, ...]:
+    """Return the pixels of points (right, up) in metres, as near as they are in the picture."""
+    truth, lens = simulated.plane, simulated.measured.intrinsics
+    assert lens is not None
+    right_m, up_m = np.array(points_m).T
+    pose = (truth.camera_height_m, truth.tilt_rad, truth.roll_rad)
+    for ahead_m in np.arange(3.0, 60.0, 0.5):
+        _, point = project_person(right_m, np.full(2, ahead_m), up_m, *pose)
+        points_px = point * lens.fx_px + [lens.cx_px, lens.cy_px]
+        if ((points_px > 20) & (points_px < [lens.width_px - 20, lens.height_px - 20])).all():
+            return tuple(points_px.ravel().tolist())
+    raise AssertionError("no place where both are in view")
 
 
 @pytest.mark.parametrize(
@@ -145,10 +168,11 @@ def test_a_known_distance_overrides_the_population() -> None:
     [
         KnownLengths(heights=(KnownHeight(999, 1.8),)),
         KnownLengths(heights=(KnownHeight(0, 18.0),)),
-        KnownLengths(distances=(KnownDistance(np.array([[10.0, 10.0], [90.0, 10.0]]), -1.0),)),
-        KnownLengths(distances=(KnownDistance(np.array([[10.0, 10.0], [10.0, 10.0]]), 1.0),)),
-        KnownLengths(distances=(KnownDistance(np.array([[10.0, 10.0], [90.0, 10.0]]), np.inf),)),
-        KnownLengths(distances=(KnownDistance(np.array([[10.0, 10.0], [1e9, 10.0]]), 2.0),)),
+        KnownLengths(lengths=(KnownLength((10.0, 10.0, 90.0, 10.0), -1.0),)),
+        KnownLengths(lengths=(KnownLength((10.0, 10.0, 10.0, 10.0), 1.0),)),
+        KnownLengths(lengths=(KnownLength((10.0, 10.0, 90.0, 10.0), np.inf),)),
+        KnownLengths(lengths=(KnownLength((10.0, 10.0, 1e9, 10.0), 2.0),)),
+        KnownLengths(lengths=(KnownLength((90.0, 10.0, 90.0, 60.0), 2.0, upright=True),)),
     ],
 )
 def test_what_cannot_be_known_is_refused(known: KnownLengths) -> None:
