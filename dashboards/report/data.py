@@ -17,6 +17,7 @@ Row = dict[str, Any]
 POINTS_A_METHOD = 2_000
 POSITIONS_SHOWN = 4_000
 TRACKS_SHOWN = 60
+PEOPLE_SHOWN = 600  # of all cameras, but three of each
 INSTANTS_SHOWN = 400  # steps of time in the chart of exposure, a camera
 WORST_SHOWN = 15
 DIAGNOSTICS_SHOWN = 200
@@ -73,7 +74,7 @@ def read_report_data(store: Store) -> ReportData:
         track_count=_count(store, _TRACK_COUNT),
         positions=_positions(store),
         exposure=_rows(store, _EXPOSURE, [INSTANTS_SHOWN]),
-        people=_rows(store, _PEOPLE, [TRACKS_SHOWN]),
+        people=_rows(store, _PEOPLE, [_people_a_camera(store)]),
         diagnostics=_rows(store, _DIAGNOSTICS, [DIAGNOSTICS_SHOWN]),
         diagnostic_count=_count(store, f"SELECT count(*) AS n FROM ({_GROUPED})"),
     )
@@ -86,6 +87,12 @@ def _rows(store: Store, sql: str, parameters: list[object] | None = None) -> lis
 
 def _count(store: Store, sql: str) -> int:
     return int(_rows(store, sql)[0]["n"])
+
+
+def _people_a_camera(store: Store) -> int:
+    """Return how many tracks of each camera are listed: the page is read by people."""
+    cameras = max(_count(store, "SELECT count(*) AS n FROM cameras"), 1)
+    return min(max(PEOPLE_SHOWN // cameras, 3), TRACKS_SHOWN)
 
 
 def _accuracy(store: Store) -> dict[str, list[Row]]:
@@ -247,11 +254,13 @@ WITH shown AS ({_TRACK_HEIGHTS}), depths AS (
             * CASE WHEN o.truncated_left OR o.truncated_top OR o.truncated_right
                 OR o.truncated_bottom OR NOT coalesce(o.measured, true) THEN 0.01 ELSE 1 END
         ) AS best
-    FROM estimates AS e
-    SEMI JOIN main.current_run USING (recording_id, run_id)
-    JOIN observations AS o USING (recording_id, observation_index)
-    SEMI JOIN shown AS s ON s.recording_id = o.recording_id AND s.camera = o.camera
-        AND s.track_id = o.track_id AND s.method = e.method
+    FROM (
+        SELECT o.*, s.method FROM observations AS o JOIN shown AS s
+            ON s.recording_id = o.recording_id AND s.camera = o.camera AND s.track_id = o.track_id
+    ) AS o
+    JOIN estimates AS e ON e.recording_id = o.recording_id
+        AND e.observation_index = o.observation_index AND e.method = o.method
+    SEMI JOIN main.current_run AS c ON c.recording_id = e.recording_id AND c.run_id = e.run_id
     WHERE e.depth_m > 0
     GROUP BY ALL
 )
