@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 PLAIN_LINE_EVERY_S = 5.0  # where there is no terminal, such as in a log
 
 LOG_WIDTH = 120  # of prose in a log; a table there is as wide as its columns
+FEW_RECORDS = 20  # rows that are printed as blocks where they are too wide
 TEXT_WIDTH = 80  # longer text in a table is folded
 CELL_FRAME = 3  # a border and a space on either side
 
@@ -45,10 +46,22 @@ def safe(text: object) -> str:
     return escape(shown)
 
 
-def print_table(table: pa.Table, *, title: str | None = None, max_rows: int | None = None) -> None:
+def print_table(
+    table: pa.Table,
+    *,
+    title: str | None = None,
+    max_rows: int | None = None,
+    records: bool | None = None,
+) -> None:
     """Print a result with its columns as they are named in the database.
 
-    On a terminal, columns that do not fit are left out and named below; a log gets them all.
+    Args:
+        table: the result.
+        title: printed above it.
+        max_rows: more are counted only.
+        records: True prints a block of lines for each row, False a grid. None decides: on a terminal
+            rows that do not fit side by side are blocks if they are few; of many the columns that do not
+            fit are left out, and named below. A log gets all columns.
     """
     import pyarrow as pa
 
@@ -56,6 +69,11 @@ def print_table(table: pa.Table, *, title: str | None = None, max_rows: int | No
     names = [safe(name) for name in shown.column_names]
     cells = [[_cell(value) for value in column.to_pylist()] for column in shown.columns]
     fitting = _fitting(names, cells, out.width) if out.is_terminal else len(names)
+    if records is None:
+        records = fitting < len(names) and shown.num_rows <= FEW_RECORDS
+    if records:
+        _print_records(names, cells)
+        return
     grid = Table(title=safe(title) if title else None, title_justify="left", header_style="bold")
     for name, schema_field in zip(names[:fitting], shown.schema, strict=False):
         numeric = pa.types.is_floating(schema_field.type) or pa.types.is_integer(schema_field.type)
@@ -69,6 +87,16 @@ def print_table(table: pa.Table, *, title: str | None = None, max_rows: int | No
         hidden = len(names) - fitting
         out.print(f"{hidden} more columns do not fit here; --csv, --json and --parquet have all.")
         out.print(f"For a SELECT: {', '.join(names[fitting:])}")
+
+
+def _print_records(names: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
+    """Print a block of lines for each row: a name and its value a line, none for NULL."""
+    widest = max(map(cell_len, names), default=0)
+    for number, row in enumerate(zip(*cells, strict=True), start=1):
+        out.print(f"[bold]row {number}[/bold]")
+        for name, value in zip(names, row, strict=True):
+            if value:
+                out.print(f"  {name:<{widest}}  {value}", markup=False, soft_wrap=True)
 
 
 def _fitting(names: Sequence[str], cells: Sequence[Sequence[str]], width: int) -> int:

@@ -34,9 +34,15 @@ def add(commands: Commands) -> None:
         help="let the question read your own files: JOIN 'mine.csv' (default: the database only)",
     )
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--csv", action="store_true")
-    form.add_argument("--json", action="store_true")
-    form.add_argument("--parquet", type=Path, metavar="FILE")
+    form.add_argument("--csv", action="store_true", help="a line for each row, with a header")
+    form.add_argument("--json", action="store_true", help="a JSON object for each row")
+    form.add_argument("--parquet", type=Path, metavar="FILE", help="write a Parquet file")
+    form.add_argument("--table", action="store_true", help="a grid, however wide the rows are")
+    form.add_argument(
+        "--records",
+        action="store_true",
+        help="a block of lines for each row (default on a terminal: for a few rows that are too wide)",
+    )
     parser.set_defaults(function=call)
 
 
@@ -55,7 +61,8 @@ def call(arguments: argparse.Namespace) -> int:
         write_parquet(table, arguments.parquet)
         out.print(f"{safe(arguments.parquet)}: {table.num_rows:,} rows")
     else:
-        print_table(table)
+        chosen = {(True, False): True, (False, True): False}
+        print_table(table, records=chosen.get((arguments.records, arguments.table)))
     return DONE
 
 
