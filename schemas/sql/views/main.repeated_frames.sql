@@ -1,7 +1,7 @@
 -- Which frames does a recording that began earlier hold too?
--- Split files that overlap, and a file that was cut out of another, hold the same pictures. They are
--- the same where camera, both times, size in bytes and brightness are equal. Of recordings that began
--- together the longer one comes first.
+-- Split files that overlap, and a file cut out of another, hold the same pictures: equal in camera,
+-- both times, size in bytes and brightness. Of recordings that began together the longer one comes
+-- first.
 CREATE OR REPLACE VIEW main.repeated_frames AS
 WITH ordered AS (
     SELECT
