@@ -22,7 +22,7 @@ from pipeline.cluster.manifest import (
     read_manifests,
 )
 from pipeline.core.errors import RowsRefused, StoreError, Where
-from pipeline.run.recording import add_failure
+from pipeline.run.recording import add_failure, named
 from pipeline.run.same_evidence import take_once, tell_repeated_frames
 from pipeline.store.connection import CONFIG
 from pipeline.store.database import Store
@@ -148,7 +148,7 @@ def _take_alone(store: Store, folder: Path, manifest: Manifest) -> bool:
     except RowsRefused as error:
         path = Path(manifest.source.path)
         if not has_failure_of(store, path.name, manifest.run_id):
-            add_failure(store, path, error, manifest.run_id)
+            add_failure(store, path, named(path, error), manifest.run_id)
         return False
 
 

@@ -29,7 +29,7 @@ from pipeline.core.config import Config
 from pipeline.core.errors import StadimeterError
 from pipeline.core.timing import StageTimes
 from pipeline.run.pass_one import measure_recording
-from pipeline.run.recording import add_failure, attempt, stored_alone
+from pipeline.run.recording import add_failure, attempt, named, stored_alone
 from pipeline.run.windows.split import Plan, Window, WindowFile, plan_windows
 from pipeline.run.windows.stitch import refused_pictures, stitch, summed_row
 from pipeline.store.database import Store
@@ -144,6 +144,7 @@ def _failed(path: Path, run: Run, error: StadimeterError) -> Manifest:
         source = Source.of(path)
     except OSError:
         source = Source(str(path.absolute()), 0, 0)
+    error = named(path, error)
     with own_store(run.begun) as store:
         add_failure(store, path, error, run.begun.run_id)
         return _publish(store, key_of_failure(source), source, run, None, str(error))

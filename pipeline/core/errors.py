@@ -98,6 +98,10 @@ class RowsRefused(StoreError):
     """The rows of one recording cannot be stored; other recordings can."""
 
 
+class DiskRefused(StoreError):
+    """The disk takes nothing more, or refuses; all other recordings would meet the same."""
+
+
 class UndecodableImage(StadimeterError):
     """The bytes of a picture cannot be decoded, or claim more pixels than are allowed."""
 

@@ -17,7 +17,14 @@ from typing import ParamSpec, TypeVar
 import pyarrow.parquet as pq
 
 from pipeline.core.config import Config
-from pipeline.core.errors import RecordingFailed, RowsRefused, StadimeterError, Where
+from pipeline.core.errors import (
+    DiskRefused,
+    RecordingFailed,
+    RowsRefused,
+    StadimeterError,
+    StoreError,
+    Where,
+)
 from pipeline.core.progress import Progress
 from pipeline.core.records import Diagnostic, Severity
 from pipeline.core.timing import StageTimes
@@ -99,13 +106,26 @@ def attempt(
         )
 
 
+def named(path: Path, error: StadimeterError) -> StadimeterError:
+    """Return an error of a database as one of the recording that brought it about."""
+    if not isinstance(error, StoreError) or isinstance(error, DiskRefused):
+        return error
+    if error.where.path == path:
+        return error
+    return RowsRefused(
+        error.problem,
+        where=Where(path),
+        remedy="Please report it with this line; other recordings are not affected",
+    )
+
+
 def work_alone(work: Work) -> Outcome:
     """Do all of a recording: the task of a process."""
     outcome = Outcome(work.path)
     shutil.rmtree(work.folder, ignore_errors=True)  # by a process that was killed
     found = attempt(work.path, _measured_and_estimated, work, outcome)
     if isinstance(found, StadimeterError):
-        return Outcome(work.path, error=found, times=outcome.times)
+        return Outcome(work.path, error=named(work.path, found), times=outcome.times)
     return outcome
 
 
@@ -199,7 +219,7 @@ def add_failure(
     code_of_stored: str = "timeline_failed",
 ) -> None:
     """Commit the reason why there is nothing of a recording, or no timeline of a stored one."""
-    refused = isinstance(error, RecordingFailed | RowsRefused | WorkerLost)
+    refused = isinstance(error, RecordingFailed | StoreError | WorkerLost)
     code = "recording_failed" if refused else "unreadable_file"
     if recording_id is not None:
         code = code_of_stored

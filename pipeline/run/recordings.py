@@ -26,13 +26,13 @@ from typing import Any
 
 from pipeline import __version__
 from pipeline.core.config import Config
-from pipeline.core.errors import RowsRefused, StadimeterError, StoreError, Where
+from pipeline.core.errors import DiskRefused, RowsRefused, StadimeterError, StoreError, Where
 from pipeline.core.files import check_folder
 from pipeline.core.progress import Progress, Report, silent
 from pipeline.importing.provenance import ImportedVideo
 from pipeline.parallel.processes import local_engine
 from pipeline.run.pass_two import estimate_recording
-from pipeline.run.recording import Outcome, Timelines, Work, add_failure, attempt
+from pipeline.run.recording import Outcome, Timelines, Work, add_failure, attempt, named
 from pipeline.run.recording_paths import folders_apart
 from pipeline.run.same_evidence import take_once, tell_repeated_frames
 from pipeline.run.windows.course import (
@@ -200,7 +200,7 @@ def _take(store: Store, outcome: Outcome, run_id: str, taken: dict[str, int], pl
     Raises:
         StoreError: there is no room for it; that is nothing that the recording could help.
     """
-    if isinstance(outcome.error, StoreError) and not isinstance(outcome.error, RowsRefused):
+    if isinstance(outcome.error, DiskRefused):  # any other error was in a database of its own
         raise outcome.error
     row = outcome.recording
     if row is not None and place > taken.get(row.recording_id, -1):
@@ -209,7 +209,7 @@ def _take(store: Store, outcome: Outcome, run_id: str, taken: dict[str, int], pl
                 take_once(store, row, outcome.files, run_id)
             taken[row.recording_id] = place
         except RowsRefused as error:
-            outcome.recording, outcome.error = None, error
+            outcome.recording, outcome.error = None, named(outcome.path, error)
     if outcome.error is not None:
         stored = outcome.recording.recording_id if outcome.recording is not None else None
         add_failure(store, outcome.path, outcome.error, run_id, stored)

@@ -18,7 +18,7 @@ from types import TracebackType
 import duckdb
 import pyarrow as pa
 
-from pipeline.core.errors import RowsRefused, StoreError, UsageError, Where
+from pipeline.core.errors import DiskRefused, RowsRefused, StoreError, UsageError, Where
 from pipeline.store.catalog import View, like, views
 from pipeline.store.columns import RECORDING_TABLES, ROW_ORDER
 from pipeline.store.connection import connect
@@ -26,8 +26,8 @@ from pipeline.store.schema import apply_schema, is_current
 
 # DuckDB wraps a full disk in errors of several kinds; the system's own words stay.
 _NO_ROOM = os.strerror(errno.ENOSPC)
-# Errors of the place, which the next recording would meet as well.
-_OF_THE_DISK = (duckdb.IOException, duckdb.FatalException, duckdb.InternalException)
+# Errors after which this database takes no more; those of its disk any other one would meet as well.
+_OF_THE_DATABASE = (duckdb.IOException, duckdb.FatalException, duckdb.InternalException)
 # A transaction that is read-only does not keep these from the disk, where files may be reached at all.
 _WRITING_FILES = (
     duckdb.StatementType.ATTACH,
@@ -117,7 +117,8 @@ class Store:
         """All or nothing: commit at the end, roll back on any error.
 
         Raises:
-            StoreError: the disk refused (it is full, for one); nothing of it was kept.
+            DiskRefused: the disk refused (it is full, for one); nothing of it was kept.
+            StoreError: the database takes no more, by an error inside DuckDB; nothing of it was kept.
             RowsRefused: the database does not take these rows; nothing of it was kept.
         """
         if self._in_transaction:
@@ -133,9 +134,12 @@ class Store:
             # A failed COMMIT has ended the transaction already.
             with suppress(duckdb.Error):
                 self.connection.execute("ROLLBACK")
-            if isinstance(error, _OF_THE_DISK) or _NO_ROOM in str(error):
-                raise StoreError(
-                    f"nothing of this step was stored: {error}",
+            if isinstance(error, _OF_THE_DATABASE) or _NO_ROOM in str(error):
+                text = f"nothing of this step was stored: {error}"
+                if not (isinstance(error, duckdb.IOException) or _NO_ROOM in str(error)):
+                    raise StoreError(text, where=Where(self.path)) from error
+                raise DiskRefused(
+                    text,
                     where=Where(self.path),
                     remedy="Free some disk space if it is full, then run the same command again",
                 ) from error

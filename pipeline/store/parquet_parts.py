@@ -12,7 +12,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.core.errors import StoreError, Where
+from pipeline.core.errors import DiskRefused, StoreError, Where
 from pipeline.core.tables import PARTS
 
 # Rows that go to the disk together: each piece costs the file, and who writes or reads it, 10 kB of
@@ -129,7 +129,7 @@ def _storing(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StoreError(
+        raise DiskRefused(
             f"the measurements cannot be stored beside the database: {_reason(error)}",
             where=Where(folder),
             remedy="Free some disk space, then run the same command again",

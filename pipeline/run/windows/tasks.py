@@ -16,7 +16,7 @@ from pipeline.core.progress import Progress
 from pipeline.core.timing import StageTimes
 from pipeline.parallel.processes import tell
 from pipeline.run.pass_one import measure_recording
-from pipeline.run.recording import Outcome, Work, attempt, finish_measured
+from pipeline.run.recording import Outcome, Work, attempt, finish_measured, named
 from pipeline.run.windows.split import Window, WindowFile, hash_if_undamaged
 from pipeline.run.windows.stitch import refused_pictures, stitch, summed_row
 from pipeline.store.recordings import RecordingRow
@@ -98,7 +98,7 @@ def join_windows(
         outcome.times.add_all(one.times)
     found = attempt(work.path, _joined, work, windows, folders, rows, sha256, outcome)
     if isinstance(found, StadimeterError):
-        return Outcome(work.path, error=found, times=outcome.times)
+        return Outcome(work.path, error=named(work.path, found), times=outcome.times)
     return outcome if found else None
 
 
