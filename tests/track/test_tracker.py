@@ -165,3 +165,30 @@ def test_recorded_ids_that_went_cost_nothing_and_come_again_as_they_were() -> No
     rows = tracker.tracks().to_pylist()
     assert len(rows) == 3000
     assert (rows[7]["first_frame_index"], rows[7]["last_frame_index"]) == (7, 3000)
+
+
+def test_a_track_is_confirmed_by_its_least_count_of_sightings_and_not_before() -> None:
+    tracker = Tracker(TrackConfig(min_count=4), "cam")
+    counts = []
+    for i in range(5):
+        tracker.update(i * FRAME_NS, i, boxes([(100.0, 300.0, 100.0)]))
+        counts.append(len(tracker.expected((i + 1) * FRAME_NS).walked))
+    assert counts == [0, 0, 0, 1, 1]
+
+
+def test_to_have_walked_is_to_be_one_own_height_away() -> None:
+    for frames, walked in ((46, False), (58, True)):  # 90 and 114 px of a person of 100 px
+        tracker = Tracker(TrackConfig(), "cam")
+        for i in range(frames):
+            tracker.update(i * FRAME_NS, i, boxes([(100 + 2.0 * i, 300.0, 100.0)]))
+        assert tracker.expected(frames * FRAME_NS).walked.tolist() == [walked]
+
+
+def test_tracks_end_where_the_clock_falls_back_by_more_than_they_coast() -> None:
+    config = TrackConfig()
+    for back_s, same in ((0.5 * config.coast_s, True), (1.5 * config.coast_s, False)):
+        tracker = Tracker(config, "cam")
+        began_ns = 100_000_000_000
+        (first,) = tracker.update(began_ns, 0, boxes([(100.0, 300.0, 100.0)]))
+        (again,) = tracker.update(began_ns - int(back_s * 1e9), 1, boxes([(100.0, 300.0, 100.0)]))
+        assert bool(again == first) == same

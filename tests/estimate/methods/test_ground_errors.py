@@ -59,3 +59,25 @@ def test_how_far_feet_are_before_the_axis_is_in_the_depth(recorded: bool) -> Non
     expected = np.abs(slope) * np.sqrt(REACH_TRACK_STD**2 + REACH_COMMON_STD**2 + convention**2)
     np.testing.assert_allclose(found.depth_common_std_m, expected, rtol=0.03)
     assert (expected > 0.01).all()
+
+
+def test_reach_and_both_ends_are_in_the_height() -> None:
+    """Slopes by differences: of the height by the reach, by the foot and by the head."""
+    boxes = replace(standing(12.0, PLANE), recorded=np.full(30, False))
+    geometry = with_reach(boxes)
+    assert geometry.reach is not None
+    found = ground.estimate(geometry, Config())
+    step, step_px = 1e-4, 0.01
+    farther = ground.estimate(
+        geometry.with_reach(geometry.reach + step, geometry.reach_std), Config()
+    )
+    by_reach = (farther.height_m - found.height_m) / step
+    expected = by_reach**2 * (REACH_TRACK_STD**2 + REACH_COMMON_STD**2)
+    for side, std in zip((3, 1), geometry.common_std.T, strict=True):
+        moved = boxes.bbox_xyxy_px.copy()
+        moved[:, side] += step_px
+        changed = with_reach(replace(boxes, bbox_xyxy_px=moved))
+        changed = changed.with_reach(geometry.reach, geometry.reach_std)
+        other = ground.estimate(changed, Config())
+        expected += ((other.height_m - found.height_m) / step_px * VGA.fy_px * std) ** 2
+    np.testing.assert_allclose(found.height_common_std_m, np.sqrt(expected), rtol=0.03)
