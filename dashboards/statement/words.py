@@ -33,6 +33,11 @@ METHOD = (
     "Intervals of 95 %: if all assumptions hold, the true value lies inside in 95 of 100 such "
     "cases.",
 )
+UNPOSED = (
+    "The pose of the camera is not known. The distance follows from how large the person is in "
+    "the picture, "
+    "and from how tall people are: it is off by as much as this person differs from the mean."
+)
 POSES: Mapping[str, str] = {
     "walkers": "The pose was not measured. It was found from the people who walk through the picture: "
     "each of them is as tall far away as near by, which gives the tilt and the ratio of all "

@@ -177,3 +177,14 @@ def test_it_fits_into_every_width(database: Path, tmp_path: Path, width: int) ->
     assert title is not None
     assert int(title[1]) <= width
     assert int(title[2]) == 11
+
+
+def test_a_distance_without_a_pose_is_stated_and_no_height(tmp_path: Path) -> None:
+    write_people(tmp_path / "people.mcap")
+    stadimeter.measure(tmp_path / "people.mcap", tmp_path / "x.duckdb", strict=False)
+    text = text_of(page_of(tmp_path / "x.duckdb", 1))
+    assert "No height was measured" in text
+    assert "Distance along the camera's axis" in text
+    assert "an assumption is no measurement" in text
+    with pytest.raises(UsageError, match="no height was measured"):
+        page_of(tmp_path / "x.duckdb", 1, reference_height_m=1.8)
