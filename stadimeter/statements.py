@@ -166,7 +166,7 @@ def _sheet(
     command: Sequence[str],
 ) -> Sheet:
     from dashboards.statement.chart import heights_chart
-    from dashboards.statement.words import POSES, points
+    from dashboards.statement.words import POSES, UNPOSED, points
     from dashboards.statement.writer import Sheet
     from pipeline.statement.evidence import difference
     from pipeline.statement.likelihood import weight_of
@@ -221,9 +221,7 @@ def _sheet(
         "run the command again where it is.",
         budget=_budget(evidence, marked, changes),
         changes=changes,
-        pose_text=POSES.get(
-            source, "The pose of the camera is not known: distances rest on sizes."
-        ),
+        pose_text=POSES.get(source, UNPOSED),
         marked=marked,
         program_height_m=best["height_m"] if best else None,
         chart=chart,
