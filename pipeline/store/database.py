@@ -25,7 +25,12 @@ from pipeline.store.connection import connect
 from pipeline.store.schema import apply_schema, is_current
 
 # DuckDB wraps a full disk in errors of several kinds; the system's own words stay.
-_NO_ROOM = os.strerror(errno.ENOSPC)
+# What DuckDB says where the disk is full, a file is as large as it may be, or a quota is used up: as an
+# error of its own kind, or inside one that says that a COMMIT failed.
+_REFUSALS = (
+    *(os.strerror(code) for code in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)),
+    "Could not write",
+)
 # Errors after which this database takes no more; those of its disk any other one would meet as well.
 _OF_THE_DATABASE = (duckdb.IOException, duckdb.FatalException, duckdb.InternalException)
 # A transaction that is read-only does not keep these from the disk, where files may be reached at all.
@@ -134,9 +139,10 @@ class Store:
             # A failed COMMIT has ended the transaction already.
             with suppress(duckdb.Error):
                 self.connection.execute("ROLLBACK")
-            if isinstance(error, _OF_THE_DATABASE) or _NO_ROOM in str(error):
+            of_the_disk = isinstance(error, duckdb.IOException) or _is_of_the_disk(error)
+            if isinstance(error, _OF_THE_DATABASE) or of_the_disk:
                 text = f"nothing of this step was stored: {error}"
-                if not (isinstance(error, duckdb.IOException) or _NO_ROOM in str(error)):
+                if not of_the_disk:
                     raise StoreError(text, where=Where(self.path)) from error
                 raise DiskRefused(
                     text,
@@ -223,6 +229,10 @@ class Store:
         """Return name and comment of tables, views and table macros."""
         found = self.views()
         return pa.table({"name": [v.name for v in found], "comment": [v.comment for v in found]})
+
+
+def _is_of_the_disk(error: BaseException) -> bool:
+    return isinstance(error, duckdb.Error) and any(text in str(error) for text in _REFUSALS)
 
 
 def read_once(rows: pa.Table) -> pa.RecordBatchReader:

@@ -282,3 +282,33 @@ def test_a_second_writer_is_told_who_has_the_database(
         assert "Wait until it ends" in done.stderr
     done = stadimeter("run", recordings[0], "--db", database, cwd=tmp_path)
     assert done.returncode == 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("most_kb", [64, 400, 900])
+def test_a_file_that_may_not_grow_is_told_as_the_disks_refusal(
+    tmp_path: Path, most_kb: int
+) -> None:
+    """A limit on the size of files stops DuckDB's own writing; whatever was stored can be read."""
+    source = ROOT / "recordings" / "staff.mcap"
+    command = (
+        f"ulimit -f {most_kb}; exec {sys.executable} -m pipeline.cli run {source} --db x.duckdb -q"
+    )
+    done = subprocess.run(
+        ["bash", "-c", command],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr
+    assert done.returncode in (1, 3)
+    if done.returncode == 1:
+        assert "does not take its rows" not in done.stderr
+        assert any(word in done.stderr for word in ("too large", "room", "disk", "space"))
+    database = tmp_path / "x.duckdb"
+    if database.exists():
+        with Store.open(database, read_only=True) as store:
+            assert store.query("SELECT count(*) AS n FROM recordings").to_pylist()[0]["n"] <= 1
