@@ -9,6 +9,7 @@ from bench import (
     paper,
     queries,
     scenes,
+    size_prior,
     speed,
     street,
     timeline,
@@ -20,6 +21,7 @@ from pipeline.cli.console import out
 for title, part in (
     ("The paper's rows", paper),
     ("The pose from walkers", walkers),
+    ("Beside the plain size prior", size_prior),
     ("The street's survey", street),
     ("Tracks on the street", tracking),
     ("Boxes of the motion detector", boxes),

@@ -20,6 +20,7 @@ from pipeline.calibrate.stored_lens import known_lens, with_doubt, with_found
 from pipeline.calibrate.walkers.known_lengths import KnownHeight, KnownLengths
 from pipeline.calibrate.walkers.pose import WalkersReport
 from pipeline.calibrate.walkers.pose_and_lens import calibrate_stored
+from pipeline.calibrate.walkers.tilt import tilt_of_people
 from pipeline.calibrate.walkers.walker_veto import NotWalkers
 from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_row import CameraRow, camera_rows
@@ -32,7 +33,7 @@ from pipeline.estimate.tables import Rows
 from pipeline.estimate.track_batches import Tracks
 from pipeline.run.clock_notes import clock_notes, speed_notes
 from pipeline.run.exposure_notes import exposure_notes
-from pipeline.run.people_check import lens_by_people, people_of, refused_pose
+from pipeline.run.people_check import lens_by_people, people_of, refused_pose, with_tilt
 from pipeline.run.scale_notes import length_notes, scale_notes, unlike_prior
 from pipeline.run.standing_part import in_standing_part, parts_of
 from pipeline.run.stored_camera import StoredCamera, lines_of
@@ -83,6 +84,9 @@ def estimate_recording(
         plane = _pose(camera, mine.filter(stands), lines_px, here, remarks)
         if plane is not None:
             set_pose(store, recording_id, row.camera, plane)
+        if camera.tilt is not None and pc.all(stands).as_py():
+            here, told = with_tilt(here, row.camera, camera.tilt)
+            remarks.add(told)
         if camera.row != row:
             set_lens(store, recording_id, camera.row)
         cadences = [TRACK_CADENCES.empty_table()]
@@ -150,6 +154,8 @@ def _pose(
         found = calibrate_stored(measured, camera.row, prior, known, lines_px)
     except CalibrationUndetermined as error:
         remarks.add([_describe_refusal(name, error)])
+        if not isinstance(error, NotWalkers) and measured.intrinsics is not None:
+            camera.tilt = tilt_of_people(measured, prior)
         return None
     if found.lens is not None:
         camera.row = with_found(camera.row, found.lens)

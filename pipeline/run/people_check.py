@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.calibrate.walkers.tilt import Tilt
 from pipeline.core.camera_row import CameraRow
-from pipeline.core.config import POPULATION_MEAN_M, SizePrior
+from pipeline.core.config import POPULATION_MEAN_M, Config, SizePrior
 from pipeline.core.records import Diagnostic, GroundPlane, Severity
 from pipeline.estimate.boxes.ends import Directions, Ends
 from pipeline.estimate.types import Measured
@@ -129,3 +130,29 @@ def lens_by_people(
 
 def _told(camera: str, text: str) -> Diagnostic:
     return Diagnostic(Severity.WARNING, "rectified_pictures", text, camera=camera)
+
+
+def with_tilt(config: Config, camera: str, tilt: Tilt) -> tuple[Config, list[Diagnostic]]:
+    """Return the configuration with a camera's tilt by its people, and a note of it.
+
+    A tilt that the camera file states stays.
+
+    Args:
+        config: the configuration.
+        camera: the camera's name.
+        tilt: as `walkers.tilt.tilt_of_people` gives it.
+    """
+    entry = config.camera_named(camera)
+    if math.isfinite(entry.tilt_deg):
+        return config, []
+    tilt_deg, std_deg = math.degrees(tilt.tilt_rad), math.degrees(tilt.std_rad)
+    found = replace(entry, tilt_deg=tilt_deg, tilt_std_deg=std_deg)
+    others = tuple(c for c in config.camera if c.name != camera)
+    note = Diagnostic(
+        Severity.INFO,
+        "tilt_from_people",
+        f"tilt by the people, who fix no pose: {tilt_deg:.1f} \u00b1 {std_deg:.1f} degrees (one standard "
+        "error); distances from their sizes allow for it. tilt_deg in a camera file replaces it",
+        camera=camera,
+    )
+    return replace(config, camera=(*others, found)), [note]

@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.calibrate.walkers.sample import MIN_OBSERVATIONS, spread_people
+from pipeline.calibrate.walkers.tilt import Tilt
 from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.records import GroundPlane
@@ -29,6 +30,7 @@ class StoredCamera:
     recording_id: str
     row: CameraRow
     plane: GroundPlane | None = None
+    tilt: Tilt | None = None  # by its people, where they fix no pose
     _usual: tuple[FrameLens | None] | None = None
 
     @property

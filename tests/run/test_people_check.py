@@ -13,12 +13,13 @@ from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
+from pipeline.calibrate.walkers.tilt import Tilt
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import ADULT, CameraConfig, Config, Dimension, SizePrior
 from pipeline.core.records import GroundPlane, Intrinsics
 from pipeline.estimate.types import Measured
 from pipeline.mcap_file.writer import RecordingWriter, calibration_message, image_message, timestamp
-from pipeline.run.people_check import lens_by_people, people_of
+from pipeline.run.people_check import lens_by_people, people_of, with_tilt
 from pipeline.run.recordings import run
 from pipeline.store.database import Store
 from schemas.stadimeter_pb2 import Detections
@@ -171,3 +172,13 @@ def test_boxes_in_shares_of_the_picture_are_refused(tmp_path: Path) -> None:
     _, codes, depth_m = result(tmp_path / "a.mcap")
     assert "boxes_not_in_pixels" in codes
     assert depth_m is None
+
+
+def test_a_tilt_by_people_is_told_and_used_where_none_is_stated() -> None:
+    found, notes = with_tilt(Config(country="GB"), "cam", Tilt(0.2, 0.05))
+    assert found.camera_named("cam").tilt_deg == pytest.approx(11.46, abs=0.01)
+    assert found.camera_named("cam").tilt_std_deg == pytest.approx(2.86, abs=0.01)
+    assert found.country == "GB"
+    assert [note.code for note in notes] == ["tilt_from_people"]
+    stated = Config(camera=(CameraConfig("cam", tilt_deg=8.0),))
+    assert with_tilt(stated, "cam", Tilt(0.2, 0.05)) == (stated, [])
