@@ -16,6 +16,8 @@ NORMAL_95 = 1.96
 # Findings of severity `info` that say what the numbers rest on; they are told with the warnings.
 FOUNDATIONS = (
     "scale_from_statures",
+    "scale_from_known_lengths",
+    "tilt_from_people",
     "focal_length_from_walkers",
     "rounded_focal_length",
     "class_renamed",

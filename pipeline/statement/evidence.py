@@ -47,7 +47,10 @@ ORDER BY e.frame_index
 _NOTES = """
 SELECT severity, code, message, sum(count)::BIGINT AS count FROM diagnostics
 WHERE recording_id = $recording AND (camera IS NULL OR camera = $camera)
-    AND (severity <> 'info' OR code IN ('scale_from_statures', 'pose_from_walkers', 'class_renamed'))
+    AND (severity <> 'info' OR code IN (
+        'scale_from_statures', 'scale_from_known_lengths', 'tilt_from_people', 'pose_from_walkers',
+        'class_renamed'
+    ))
 GROUP BY severity, code, message
 ORDER BY array_position(['error', 'warning', 'info'], severity), code
 """
