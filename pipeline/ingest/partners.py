@@ -99,9 +99,11 @@ class Partners:
                 lane.forget_before(stamp_ns - self._kept_ns, by_stamp=True)
                 return found
         copies = lane.exact >= _FEWEST and lane.exact * 2 > lane.taken
-        ways.tolerance_ns = self._tolerance_ns if copies else self._half_interval(asked.clock)
         for by_stamp, time_ns in self._clocks(lane, asked):
-            lag_ns = constant_lag_ns(lane, asked.clock, by_stamp) if is_caused and not copies else 0
+            # Who copies stamps does so always; log times are late also then, where stamps fail.
+            exact = copies and by_stamp
+            ways.tolerance_ns = self._tolerance_ns if exact else self._half_interval(asked.clock)
+            lag_ns = constant_lag_ns(lane, asked.clock, by_stamp) if is_caused and not exact else 0
             if self._is_nearer_to_next(lane, asked, by_stamp, time_ns + lag_ns, lag_ns):
                 continue
             found = lane.take(time_ns + lag_ns, ways.tolerance_ns, by_stamp=by_stamp)

@@ -181,6 +181,9 @@ RIGHT: dict[str, Callable[[], Any]] = {
         *("/cam/image", "/cam/info", "/cam/exposure", *BOXES),
         to=lambda ns: ns - (3600 * SECOND_NS if ns > START_NS + 2 * SECOND_NS else 0),
     ),
+    "pictures whose clock is set back an hour": lambda: restamped(
+        "/cam/image", to=lambda ns: ns - (3600 * SECOND_NS if ns > START_NS + 2 * SECOND_NS else 0)
+    ),
     "the lens in the last message alone": lambda: (
         *(s for s in scene() if s.topic != "/cam/info"),
         *[s for s in scene() if s.topic == "/cam/info"][-1:],
@@ -271,6 +274,13 @@ TOLD: dict[str, tuple[Callable[[], Any], str]] = {
     "boxes of a clock that runs 2 % fast": (
         lambda: restamped(*BOXES, to=drifting(0.02)),
         "paired_by_nearest",
+    ),
+    "pictures whose clock jumps by 0.3 s": (
+        lambda: restamped(
+            "/cam/image",
+            to=lambda ns: ns + (300 * MS_NS if ns > START_NS + 2 * SECOND_NS else 0),
+        ),
+        "unpaired_boxes",
     ),
     "exposure always 60 ms before": (
         lambda: restamped("/cam/exposure", to=lambda ns: ns - 60 * MS_NS),
