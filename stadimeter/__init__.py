@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from stadimeter.arguments import load_config
     from stadimeter.calibration import calibrate
     from stadimeter.importing import ImportedVideo, import_photos, import_video
+    from stadimeter.kept import keep_run, make_current, remove_run, runs
     from stadimeter.measurement import DamageWarning, Estimated, estimate, measure, measure_parts
     from stadimeter.outputs import Reviewed, export, report, review
     from stadimeter.recordings import inspect
@@ -130,6 +131,7 @@ _MODULES = {
     "stadimeter.outputs": ("Reviewed", "export", "report", "review"),
     "stadimeter.statements": ("marks_page", "statement"),
     "stadimeter.verification": ("verify",),
+    "stadimeter.kept": ("keep_run", "make_current", "remove_run", "runs"),
     "stadimeter.recordings": ("inspect",),
     "stadimeter.results": ("Relation", "Results", "merge", "open"),
     "stadimeter.true_values": ("truth",),
@@ -203,14 +205,18 @@ __all__ = [
     "import_photos",
     "import_video",
     "inspect",
+    "keep_run",
     "load_config",
+    "make_current",
     "marks_page",
     "measure",
     "measure_parts",
     "merge",
     "open",
+    "remove_run",
     "report",
     "review",
+    "runs",
     "statement",
     "summarize",
     "truth",

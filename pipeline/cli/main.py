@@ -19,6 +19,7 @@ from pipeline.cli import (
     query,
     review,
     run,
+    runs,
     truth,
     verify,
 )
@@ -37,6 +38,7 @@ COMMANDS = (
     truth,
     models,
     query,
+    runs,
     merge,
     report,
     statement,

@@ -89,7 +89,8 @@ def _views_for_tables(
             [table],
         ).fetchall()
         (about,) = connection.execute(
-            "SELECT comment FROM duckdb_tables() WHERE table_name = ?", [table]
+            "SELECT comment FROM duckdb_tables() WHERE table_name = ? AND schema_name = 'main'",
+            [table],
         ).fetchall()
         listed = ", ".join(f"'{_quoted(f)}'" for f in files)
         rows = _ROWS.get(table, "SELECT * FROM {files}").format(files=f"read_parquet([{listed}])")

@@ -45,7 +45,7 @@ from pipeline.run.windows.course import (
 from pipeline.run.windows.split import WINDOW_S
 from pipeline.store.database import Store
 from pipeline.store.recordings import list_recordings
-from pipeline.store.runs import finish_run, new_run_id, start_run
+from pipeline.store.runs import choose_newest, finish_run, new_run_id, start_run
 from pipeline.store.scratch import Begun, empty_database
 
 LIBRARIES = ("numpy", "opencv-python-headless", "duckdb", "pyarrow", "mcap", "rerun-sdk", "scipy")
@@ -188,6 +188,7 @@ def estimate_again(database: Path, config: Config, label: str | None) -> tuple[s
 
 def _estimate_one(store: Store, row: dict[str, Any], run_id: str, config: Config) -> None:
     with store.transaction():
+        choose_newest(store, row["recording_id"])
         estimate_recording(store, row["recording_id"], run_id, row["file_name"], config)
 
 

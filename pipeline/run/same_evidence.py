@@ -16,11 +16,12 @@ from pipeline.core.errors import RowsRefused, Where
 from pipeline.core.records import Diagnostic, Severity
 from pipeline.run.truth import match_again
 from pipeline.store.database import Store
+from pipeline.store.forget import forget
+from pipeline.store.kept import drop_all_kept
 from pipeline.store.parquet import take_rows
 from pipeline.store.recordings import (
     RecordingRow,
     add_diagnostics,
-    forget,
     has_truth_of_files,
     refuse_collision,
 )
@@ -87,6 +88,7 @@ def take_once(store: Store, row: RecordingRow, files: Mapping[str, Path], run_id
         )
     for replaced in same.replaced:
         forget(store, replaced)
+        drop_all_kept(store, replaced)
     take_rows(store, row.recording_id, files)
     if has_truth_of_files(store, row.recording_id):
         match_again(store, row.recording_id)

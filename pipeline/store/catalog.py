@@ -11,7 +11,7 @@ import duckdb
 _VIEWS = """
 WITH relations AS (
     SELECT schema_name, table_name AS name, comment FROM duckdb_tables()
-    WHERE NOT internal AND table_name <> 'schema_version'
+    WHERE NOT internal AND table_name <> 'schema_version' AND schema_name <> 'kept'
     UNION ALL
     SELECT schema_name, view_name, comment FROM duckdb_views() WHERE NOT internal
 ),

@@ -217,6 +217,8 @@ class Store:
         listed = "`stadimeter query --list` shows tables and views"
         missing = re.search(r"(?:Table|View) with name (\S+) does not exist", error)
         meant = like(missing[1], [view.name for view in self.views()]) if missing else ""
+        if "there is no run" in error:
+            return "`stadimeter runs` lists runs and labels"
         if not meant and "disabled" in error:
             return "`query --allow-files` lets a question read your own CSV and Parquet files"
         return f"Did you mean {meant}? {listed}" if meant else listed

@@ -20,6 +20,13 @@ def forget_estimates(store: Store, recording_id: str, run_id: str) -> None:
         )
 
 
+def forget_diagnostics(store: Store, recording_id: str, run_id: str) -> None:
+    """Delete what a run noted of a recording; call inside a transaction."""
+    store.connection.execute(
+        "DELETE FROM diagnostics WHERE recording_id = ? AND run_id = ?", [recording_id, run_id]
+    )
+
+
 def add_estimates(
     store: Store, recording_id: str, run_id: str, made: Mapping[str, pa.Table]
 ) -> None:

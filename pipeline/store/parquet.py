@@ -5,14 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.store.columns import RECORDING_TABLES
 from pipeline.store.database import Store
+from pipeline.store.kept import make_room
 from pipeline.store.parquet_parts import batches
-from pipeline.store.recordings import forget
 
 FILE_TABLES = (*RECORDING_TABLES, "runs", "calibrations")
 ROW_GROUP = 122_880  # DuckDB reads a Parquet file by row groups, each by one core
@@ -41,12 +42,14 @@ def write_rows(store: Store, folder: Path, compression: str) -> dict[str, Path]:
 
 
 def take_rows(store: Store, recording_id: str | None, files: Mapping[str, Path]) -> None:
-    """Replace a recording by its rows in files; call inside a transaction.
+    """Take in the rows of a recording, which becomes the current measurement; inside a transaction.
+
+    What was stored of it stays, kept aside, if its settings were others (`kept.make_room`).
 
     Without an id they are diagnostics of a file that is no recording.
     """
     if recording_id is not None:
-        forget(store, recording_id)
+        make_room(store, recording_id, _measuring_run(store, files))
     for table, path in files.items():
         source = "FROM incoming"
         if key := _BROUGHT_TWICE.get(table):
@@ -55,6 +58,16 @@ def take_rows(store: Store, recording_id: str | None, files: Mapping[str, Path])
             rows = pa.RecordBatchReader.from_batches(file.schema_arrow, batches(file))
             with store.incoming("incoming", rows):
                 store.connection.execute(f"INSERT INTO {table} BY NAME {source}")
+
+
+def _measuring_run(store: Store, files: Mapping[str, Path]) -> dict[str, Any]:
+    """Return the row of the run that measured: it comes with the recording, or is there already."""
+    (run_id,) = pq.read_table(files["recordings"], columns=["run_id"])["run_id"].to_pylist()
+    if "runs" in files:
+        rows = pq.read_table(files["runs"])
+    else:
+        rows = store.connection.sql("FROM runs WHERE run_id = ?", params=[run_id]).to_arrow_table()
+    return next(dict(row) for row in rows.to_pylist() if row["run_id"] == run_id)
 
 
 def _repeating(schema: pa.Schema) -> list[str]:

@@ -18,8 +18,9 @@ from pipeline.core.errors import RowsRefused, Where
 from pipeline.core.records import Diagnostic, GroundPlane
 from pipeline.core.tables import PASS_ONE
 from pipeline.core.text import storable
-from pipeline.store.columns import RECORDING_TABLES, ROW_ORDER, TRUTH_TABLES, stored_columns
+from pipeline.store.columns import ROW_ORDER, stored_columns
 from pipeline.store.database import Store, read_once
+from pipeline.store.forget import forget
 from pipeline.store.matches import add_matches
 from pipeline.store.parquet_parts import read_part
 
@@ -107,15 +108,6 @@ def replace_recording(store: Store, recording: RecordingRow, parts: Path, run_id
     return recording_id
 
 
-def forget(store: Store, recording_id: str) -> None:
-    """Delete the rows of a recording, but for truth from files; call inside a transaction."""
-    for table in RECORDING_TABLES:
-        also = " AND file_name IS NULL" if table in TRUTH_TABLES else ""
-        store.connection.execute(
-            f"DELETE FROM {table} WHERE recording_id = ?{also}", [recording_id]
-        )
-
-
 def has_truth_of_files(store: Store, recording_id: str) -> bool:
     """Return true if truth of a recording was read from a file."""
     found = store.connection.execute(
@@ -143,9 +135,11 @@ def refuse_collision(store: Store, recording: RecordingRow) -> None:
 
 
 def has_run_of(store: Store, recording_id: str, run_id: str) -> bool:
-    """Return true if the rows of a recording are those that a run made."""
+    """Return true if a run measured a recording, and its rows are there: current, or kept beside."""
     found = store.connection.execute(
-        "SELECT 1 FROM recordings WHERE recording_id = ? AND run_id = ?", [recording_id, run_id]
+        "SELECT 1 FROM recordings WHERE recording_id = $1 AND run_id = $2 "
+        "UNION ALL SELECT 1 FROM kept_runs WHERE recording_id = $1 AND measured_by = $2",
+        [recording_id, run_id],
     ).fetchone()
     return found is not None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from collections.abc import Collection
 from datetime import UTC, datetime
 
 from pipeline.store.database import Store
@@ -39,3 +40,31 @@ def finish_run(store: Store, run_id: str) -> None:
         store.connection.execute(
             "UPDATE runs SET finished_at = ? WHERE run_id = ?", [datetime.now(UTC), run_id]
         )
+
+
+def choose_newest(store: Store, recording_id: str) -> None:
+    """Forget a choice of the run that counts for a recording; call inside a transaction."""
+    store.connection.execute("DELETE FROM chosen_runs WHERE recording_id = ?", [recording_id])
+
+
+def choose(store: Store, recording_id: str, run_id: str) -> None:
+    """Let a run count for a recording; call inside a transaction."""
+    choose_newest(store, recording_id)
+    store.connection.execute("INSERT INTO chosen_runs VALUES (?, ?)", [recording_id, run_id])
+
+
+def set_keep(store: Store, run_id: str, keep: bool) -> None:
+    """Say if a later run of the same settings may not replace a run; call inside a transaction."""
+    store.connection.execute("UPDATE runs SET keep = ? WHERE run_id = ?", [keep, run_id])
+
+
+def forget_unused_runs(store: Store, run_ids: Collection[str]) -> None:
+    """Delete those of some runs that no rows are of any more; inside a transaction."""
+    store.connection.execute(
+        "DELETE FROM runs WHERE list_contains(?, run_id) "
+        "AND run_id NOT IN (SELECT run_id FROM recordings) "
+        "AND run_id NOT IN (SELECT run_id FROM estimates) "
+        "AND run_id NOT IN (SELECT run_id FROM diagnostics) "
+        "AND run_id NOT IN (SELECT run_id FROM kept_runs)",
+        [list(run_ids)],
+    )

@@ -12,7 +12,8 @@ from importlib.resources.abc import Traversable
 
 import duckdb
 
-from pipeline.store.upgrade import upgrade_tables
+from pipeline.store.columns import RECORDING_TABLES
+from pipeline.store.upgrade import mirror_tables, upgrade_tables
 
 # Raised when tables change in a way that `upgrade_tables` cannot bring about; new tables and columns
 # need no new version.
@@ -41,6 +42,8 @@ def apply_schema(connection: duckdb.DuckDBPyConnection, only: Collection[str] = 
     wanted = _with_needed(only)
     upgrade_tables(connection, tables)
     connection.execute(tables)
+    if not only:
+        mirror_tables(connection, RECORDING_TABLES)
     connection.execute(functions)
     for name, script in view_scripts():
         if not only or name in wanted:

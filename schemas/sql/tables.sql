@@ -11,7 +11,8 @@ CREATE TABLE IF NOT EXISTS runs (
     finished_at      TIMESTAMPTZ,
     software_version VARCHAR NOT NULL,
     libraries        VARCHAR,
-    configuration    VARCHAR NOT NULL
+    configuration    VARCHAR NOT NULL,
+    keep             BOOLEAN
 );
 COMMENT ON TABLE runs IS 'One row for each start of `stadimeter run`, `estimate` or `calibrate`, with its version and configuration.';
 COMMENT ON COLUMN runs.run_id IS 'Name of the run.';
@@ -22,6 +23,27 @@ COMMENT ON COLUMN runs.finished_at IS 'Time at which the run ended; NULL if it d
 COMMENT ON COLUMN runs.software_version IS 'Version of stadimeter.';
 COMMENT ON COLUMN runs.libraries IS 'Versions of Python and the libraries, as JSON.';
 COMMENT ON COLUMN runs.configuration IS 'The whole configuration, as JSON.';
+COMMENT ON COLUMN runs.keep IS 'TRUE: `stadimeter runs keep` said that a later run of the same settings does not replace it.';
+
+CREATE TABLE IF NOT EXISTS kept_runs (
+    recording_id VARCHAR NOT NULL,
+    measured_by  VARCHAR NOT NULL,
+    run_id       VARCHAR NOT NULL,
+    file_name    VARCHAR NOT NULL
+);
+COMMENT ON TABLE kept_runs IS 'One row for each run of a recording whose rows are kept beside the current measurement, in the tables of the schema `kept`.';
+COMMENT ON COLUMN kept_runs.recording_id IS 'The recording.';
+COMMENT ON COLUMN kept_runs.measured_by IS 'The run that read the pixels.';
+COMMENT ON COLUMN kept_runs.run_id IS 'The run that estimated: the same, or a later `stadimeter estimate`.';
+COMMENT ON COLUMN kept_runs.file_name IS 'Name of the file when it was read.';
+
+CREATE TABLE IF NOT EXISTS chosen_runs (
+    recording_id VARCHAR NOT NULL,
+    run_id       VARCHAR NOT NULL
+);
+COMMENT ON TABLE chosen_runs IS 'One row for each recording of which `stadimeter runs current` chose the run that counts; without one it is the newest.';
+COMMENT ON COLUMN chosen_runs.recording_id IS 'The recording.';
+COMMENT ON COLUMN chosen_runs.run_id IS 'The run that counts.';
 
 CREATE TABLE IF NOT EXISTS recordings (
     recording_id   VARCHAR NOT NULL,

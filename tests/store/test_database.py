@@ -202,7 +202,8 @@ def test_hostile_names_are_data(store: Store, tmp_path: Path) -> None:
         note = Diagnostic(Severity.ERROR, camera, camera, camera=camera, topic=camera)
         add_diagnostics(store, [note], None, run_id, camera)
     assert store.query("SELECT camera FROM accuracy.by_camera")["camera"].to_pylist() == [camera]
-    assert store.query("FROM accuracy.compare_runs($$'; DROP$$, $$x$$)").num_rows == 0
+    with pytest.raises(UsageError, match="there is no run '; DROP and no run x; there are: "):
+        store.query("FROM accuracy.compare_runs($$'; DROP$$, $$x$$)")
     assert counts(store)["runs"] == 1
     for view in store.views():
         if "(" not in view.name:

@@ -70,3 +70,23 @@ def test_a_database_with_some_of_the_views_gets_the_others(tmp_path: Path) -> No
         assert "recording_runs" in names  # which that one needs
     with Store.open(path) as store:
         assert {"accuracy.by_method", "current_estimates"} <= {v.name for v in store.views()}
+
+
+def test_a_database_without_kept_measurements_gets_room_for_them(path: Path) -> None:
+    with duckdb.connect(str(path)) as connection:
+        connection.execute("DROP SCHEMA kept CASCADE; DROP TABLE kept_runs; DROP TABLE chosen_runs")
+        connection.execute("ALTER TABLE runs DROP COLUMN keep")
+        connection.execute("UPDATE schema_version SET sql_sha256 = 'older'")
+    with Store.open_current(path) as store:
+        assert store.query("FROM all_runs").num_rows == 0
+        assert store.query("FROM kept.estimates").num_rows == 0
+
+
+def test_kept_tables_get_the_columns_that_came_later(path: Path) -> None:
+    with duckdb.connect(str(path)) as connection:
+        connection.execute("ALTER TABLE kept.cameras DROP COLUMN pose_source")
+        connection.execute("ALTER TABLE kept.cameras ALTER COLUMN fy_px SET DATA TYPE FLOAT")
+        connection.execute("UPDATE schema_version SET sql_sha256 = 'older'")
+    with Store.open(path) as store:
+        kept = store.query("SELECT * EXCLUDE (measured_by) FROM kept.cameras").schema
+        assert sorted(map(str, kept)) == sorted(map(str, store.query("FROM cameras").schema))

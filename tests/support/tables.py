@@ -9,7 +9,7 @@ from pipeline.store.database import Store
 
 def everything(store: Store) -> dict[str, pd.DataFrame]:
     """Rows of all tables and views, without what is different in every run."""
-    different = "run_id|baseline_run_id|started_at|finished_at|path|review_command"
+    different = "run_id|measured_by|baseline_run_id|started_at|finished_at|path|review_command"
     names = [v.name for v in store.views() if "(" not in v.name]
     found = {}
     for name in names:

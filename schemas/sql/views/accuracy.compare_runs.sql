@@ -8,12 +8,29 @@ CREATE OR REPLACE MACRO accuracy.compare_runs(baseline := NULL, candidate := NUL
 WITH runs AS (
     SELECT
         *, row_number() OVER (PARTITION BY recording_id ORDER BY started_at, run_id DESC) AS age
-    FROM main.recording_runs
+    FROM main.all_runs
+),
+-- A name that no run has is an error, and not an answer without rows.
+wrong AS (
+    SELECT name FROM (SELECT unnest([baseline::VARCHAR, candidate::VARCHAR]) AS name)
+    WHERE name IS NOT NULL
+        AND name NOT IN (SELECT run_id FROM runs)
+        AND name NOT IN (SELECT run_label FROM runs WHERE run_label IS NOT NULL)
+),
+names AS (
+    SELECT CASE WHEN count(*) > 0 THEN error(
+        'there is no run ' || string_agg(name, ' and no run ') || '; there are: '
+        || coalesce(
+            (SELECT string_agg(DISTINCT coalesce(run_label, run_id), ', ') FROM runs), 'none'
+        )
+    ) ELSE 'known' END AS state
+    FROM wrong
 ),
 pairs AS (
     SELECT
         recording_id, a.run_id AS baseline_run_id, a.run_label AS baseline_label,
-        b.run_id AS run_id, b.run_label AS run_label
+        b.run_id AS run_id, b.run_label AS run_label,
+        a.measured_by AS baseline_measured_by, b.measured_by AS measured_by
     FROM runs AS a JOIN runs AS b USING (recording_id)
     WHERE a.run_id <> b.run_id
         AND CASE
@@ -24,34 +41,64 @@ pairs AS (
 ),
 errors AS NOT MATERIALIZED (
     SELECT
-        recording_id, run_id, observation_index, method, camera, track_id,
+        recording_id, run_id, observation_index, method, camera, frame_index, track_id, object_id,
         abs(depth_error_m) AS depth_m, abs(height_error_m) AS height_m
     FROM accuracy.all_errors
 ),
-tracks AS (
+-- Runs of one measurement have the same observations. Of two measurements, each of which found its
+-- own, those of the same true object in the same frame are compared.
+errors_anywhere AS NOT MATERIALIZED (
+    FROM errors
+    UNION ALL
     SELECT
-        pairs.baseline_run_id, pairs.baseline_label, pairs.run_id, pairs.run_label,
-        b.method, hash(b.recording_id, b.camera, b.track_id) AS cluster,
-        [
-            {
-                'quantity': 'depth', 'n': count(b.depth_m - a.depth_m),
-                'before': sum(a.depth_m) FILTER (b.depth_m IS NOT NULL),
-                'after': sum(b.depth_m) FILTER (a.depth_m IS NOT NULL),
-                'better': count(*) FILTER (b.depth_m < a.depth_m)
-            },
-            {
-                'quantity': 'height', 'n': count(b.height_m - a.height_m),
-                'before': sum(a.height_m) FILTER (b.height_m IS NOT NULL),
-                'after': sum(b.height_m) FILTER (a.height_m IS NOT NULL),
-                'better': count(*) FILTER (b.height_m < a.height_m)
-            }
-        ] AS quantities
+        e.recording_id, e.run_id, e.observation_index, e.method, m.camera, m.frame_index,
+        m.track_id, m.object_id, abs(e.depth_m - m.true_depth_m),
+        CASE WHEN e.height_assumed IS NOT TRUE THEN abs(e.height_m - m.true_height_m) END
+    FROM kept.estimates AS e
+    JOIN kept.matches AS m USING (recording_id, measured_by, observation_index)
+),
+paired AS (
+    SELECT pairs.*, b.method, b.camera, b.track_id, a.depth_m AS depth_before_m, b.depth_m,
+        a.height_m AS height_before_m, b.height_m
     FROM pairs
     JOIN errors AS a
         ON a.recording_id = pairs.recording_id AND a.run_id = pairs.baseline_run_id
     JOIN errors AS b
         ON b.recording_id = pairs.recording_id AND b.run_id = pairs.run_id
         AND b.observation_index = a.observation_index AND b.method = a.method
+    UNION ALL
+    SELECT pairs.*, b.method, b.camera, b.track_id, a.depth_m, b.depth_m, a.height_m, b.height_m
+    FROM (FROM pairs SEMI JOIN main.kept_runs USING (recording_id)) AS pairs
+    JOIN errors_anywhere AS a
+        ON a.recording_id = pairs.recording_id AND a.run_id = pairs.baseline_run_id
+    JOIN errors_anywhere AS b
+        ON b.recording_id = pairs.recording_id AND b.run_id = pairs.run_id
+        AND b.camera = a.camera AND b.frame_index = a.frame_index AND b.object_id = a.object_id
+        AND b.method = a.method
+    -- Those of the current measurement are above.
+    WHERE baseline_run_id IN (SELECT run_id FROM main.kept_runs)
+        OR pairs.run_id IN (SELECT run_id FROM main.kept_runs)
+),
+tracks AS (
+    SELECT
+        baseline_run_id, baseline_label, run_id, run_label,
+        method, hash(recording_id, camera, track_id) AS cluster,
+        [
+            {
+                'quantity': 'depth', 'n': count(depth_m - depth_before_m),
+                'before': sum(depth_before_m) FILTER (depth_m IS NOT NULL),
+                'after': sum(depth_m) FILTER (depth_before_m IS NOT NULL),
+                'better': count(*) FILTER (depth_m < depth_before_m)
+            },
+            {
+                'quantity': 'height', 'n': count(height_m - height_before_m),
+                'before': sum(height_before_m) FILTER (height_m IS NOT NULL),
+                'after': sum(height_m) FILTER (height_before_m IS NOT NULL),
+                'better': count(*) FILTER (height_m < height_before_m)
+            }
+        ] AS quantities
+    FROM paired
+    WHERE (SELECT state FROM names) = 'known'
     GROUP BY ALL
 ),
 quantities AS (
@@ -94,4 +141,4 @@ SELECT
 FROM tested
 ORDER BY baseline_label, baseline_run_id, run_label, run_id, quantity, method;
 
-COMMENT ON MACRO TABLE accuracy.compare_runs IS 'Are the estimates of one run better than those of another, on the same observations? baseline, candidate: run ids or labels; without them each run is compared with the one before it. Example: FROM accuracy.compare_runs(''before'', ''after'').';
+COMMENT ON MACRO TABLE accuracy.compare_runs IS 'Are the estimates of one run better than those of another, on the same observations? baseline, candidate: run ids or labels; without them each run is compared with the one before it. Runs of two measurements of a recording are compared on the true objects that both found. A name that no run has is an error. Example: FROM accuracy.compare_runs(''before'', ''after'').';

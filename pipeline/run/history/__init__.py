@@ -1,0 +1,1 @@
+"""Runs of stored recordings: those that count, those that are kept aside."""
