@@ -83,9 +83,10 @@ def _first_scripts() -> list[str]:
 
 
 def view_scripts() -> list[tuple[str, str]]:
-    """Return name and text of the views' files, each after those that it mentions."""
+    """Return name and text of the views' files, each after those that it mentions, in one order."""
     scripts = _view_files()
-    return [(name, scripts[name]) for name in TopologicalSorter(_needed(scripts)).static_order()]
+    needed = {name: sorted(others) for name, others in sorted(_needed(scripts).items())}
+    return [(name, scripts[name]) for name in TopologicalSorter(needed).static_order()]
 
 
 def _view_files() -> dict[str, str]:
