@@ -20,7 +20,7 @@ from pipeline.store.database import Store
 from tests.cli.test_commands import ROOT, stadimeter
 from tests.run.test_recordings import write_people
 
-KILLS = 30
+KILLS = 16
 
 
 class CrashServer:

@@ -191,9 +191,15 @@ RIGHT: dict[str, Callable[[], Any]] = {
 }
 
 
+@pytest.fixture(scope="module")
+def right(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Outcome]:
+    """Give the outcome of a situation, made once."""
+    return cache(lambda name: outcome(tmp_path_factory.mktemp("right"), RIGHT[name]()))
+
+
 @pytest.mark.parametrize("name", RIGHT)
-def test_every_box_is_measured_right(tmp_path: Path, name: str) -> None:
-    found = outcome(tmp_path, RIGHT[name]())
+def test_every_box_is_measured_right(right: Callable[[str], Outcome], name: str) -> None:
+    found = right(name)
     assert found.depths == 4 * FRAMES
     assert found.ratio == pytest.approx(1.0, abs=0.02)
 
@@ -208,15 +214,15 @@ def test_every_box_is_measured_right(tmp_path: Path, name: str) -> None:
         ("all stamps back an hour", "clock_step"),
     ],
 )
-def test_it_is_told(tmp_path: Path, name: str, code: str) -> None:
-    found = outcome(tmp_path, RIGHT[name]())
+def test_it_is_told(right: Callable[[str], Outcome], name: str, code: str) -> None:
+    found = right(name)
     assert code in found.codes
     assert found.in_doubt
 
 
 @pytest.mark.parametrize("name", ["as it is", "the lens in the last message alone"])
-def test_nothing_is_told_where_nothing_is_odd(tmp_path: Path, name: str) -> None:
-    found = outcome(tmp_path, RIGHT[name]())
+def test_nothing_is_told_where_nothing_is_odd(right: Callable[[str], Outcome], name: str) -> None:
+    found = right(name)
     assert found.codes == set()
     assert found.exposed == FRAMES
 

@@ -31,13 +31,13 @@ SIZE_PX = (WIDTH_PX, HEIGHT_PX)
 @pytest.mark.slow
 def test_focal_lengths_depths_and_intervals_over_cameras() -> None:
     random, scores, z = np.random.default_rng(1004), [], []
-    for _ in range(6):
+    for _ in range(4):
         simulated = scene(random, 60)
         with suppress(CalibrationUndetermined):
             seen, plane, _, focal_z = without_lens(simulated)
             z.append(focal_z)
             scores.append(score(seen, plane))
-    assert len(scores) >= 3
+    assert len(scores) >= 2
     assert np.median([s.depth_relative for s in scores]) < 0.15
     assert np.median([s.height_mae_m for s in scores]) < 0.09
     assert np.abs(z).max() < 3.0
