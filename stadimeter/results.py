@@ -150,7 +150,6 @@ def open(db: PathLike, *, allow_files: bool = False) -> Results:
     Raises:
         StoreError: there is none, it is of another version, or another process is writing to it.
     """
-    from pipeline.cluster.results_folder import open_shared
     from pipeline.store.database import Store
 
     path = Path(db)
@@ -160,7 +159,12 @@ def open(db: PathLike, *, allow_files: bool = False) -> Results:
                 "files can be read beside a database only, not beside a folder of parts"
             )
         return Results(Store.open_with_files(path))
-    return Results(open_shared(path) if path.is_dir() else Store.open(path, read_only=True))
+    if path.is_dir():
+        # Only here: it loads what measures, and a question to a database need not wait for that.
+        from pipeline.cluster.results_folder import open_shared
+
+        return Results(open_shared(path))
+    return Results(Store.open(path, read_only=True))
 
 
 def merge(parts: PathLike, db: PathLike) -> int:
