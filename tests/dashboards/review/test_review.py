@@ -116,7 +116,13 @@ def test_several_recordings_share_a_clock(store: Store, tmp_path: Path) -> None:
         assert {FRAME, TIME, ELAPSED} <= names
 
 
-def test_the_worst_errors_name_the_command_that_shows_them(store: Store, tmp_path: Path) -> None:
+def test_the_worst_errors_name_the_command_that_shows_them(folder: Path, tmp_path: Path) -> None:
+    run([folder / "it's.mcap"], tmp_path / "x.duckdb", LEVEL)
+    with Store.open(tmp_path / "x.duckdb", read_only=True) as store:
+        follow_the_worst(store, tmp_path)
+
+
+def follow_the_worst(store: Store, tmp_path: Path) -> None:
     rows = store.query("SELECT * FROM accuracy.worst WHERE file_name = 'it''s.mcap'").to_pylist()
     words = shlex.split(rows[0]["review_command"])
     assert words[:2] == ["stadimeter", "review"]
