@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import shlex
@@ -11,19 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.core.errors import UsageError
+from pipeline.estimate.track_heights import HALF_WIDTH
 from stadimeter.arguments import PathLike
 
 if TYPE_CHECKING:
     from dashboards.statement.pictures import Shown
     from dashboards.statement.writer import Part, Sheet
+    from pipeline.images.decode import Image
     from pipeline.statement.evidence import Evidence
     from pipeline.statement.marks import Marked
     from pipeline.statement.sensitivity import Change
     from pipeline.store.database import Store
 
-NORMAL_95 = 1.959963984540054
 MARK_FRAMES = 5
-_BLOCK = 1 << 20
 _PARTS = (
     ("scale", "scale_share", "the mean stature of the people here, or what is known instead"),
     ("camera", "camera_share", "the rest of the pose, and the lens"),
@@ -141,20 +140,17 @@ def _marked(evidence: Evidence, marks: list[Any]) -> Marked:
     return measure_marks(marks, lens, plane)
 
 
-def _pictures(store: Store, evidence: Evidence, chosen: Sequence[Mapping[str, Any]]) -> Any:
-    import pyarrow.compute as pc
+def _pictures(
+    store: Store, evidence: Evidence, chosen: Sequence[Mapping[str, Any]]
+) -> dict[int, Image]:
+    from dashboards.statement.pictures import read_pictures
 
-    from dashboards.statement.pictures import read_pictures, rows_of
-
-    one = evidence.subject
     if evidence.file is None:
         return {}
-    frames = store.read("frames", one.recording_id)
-    frames = frames.filter(pc.equal(frames["camera"], one.camera))
-    cameras = store.read("cameras", one.recording_id)
-    cameras = cameras.filter(pc.equal(cameras["camera"], one.camera))
-    chosen_rows = rows_of(frames, chosen)
-    return read_pictures(evidence.file, evidence.recording, cameras, chosen_rows, evidence.config)
+    indexes = [f["frame_index"] for f in chosen]
+    camera = evidence.subject.camera
+    row = evidence.recording
+    return read_pictures(store, row, evidence.file, camera, indexes, evidence.config)
 
 
 def _sheet(
@@ -206,7 +202,7 @@ def _sheet(
         height_m=height_m,
         height_low_m=low_m,
         height_high_m=high_m,
-        half_cm=100 * NORMAL_95 * std_m,
+        half_cm=100 * HALF_WIDTH * std_m,
         no_height=_no_height(evidence),
         depth_m=middle["depth_m"],
         depth_low_m=middle["depth_low_m"],
@@ -246,7 +242,7 @@ def _height(
 ) -> tuple[float | None, float, float | None, float | None]:
     """Return height, deviation and interval; None where no height was measured."""
     if marked is not None:
-        half_m = NORMAL_95 * marked.std_m
+        half_m = HALF_WIDTH * marked.std_m
         return marked.height_m, marked.std_m, marked.height_m - half_m, marked.height_m + half_m
     best = evidence.height
     if best is None or best["height_assumed"] or best["height_m"] is None:
@@ -280,7 +276,7 @@ def _budget(evidence: Evidence, marked: Marked | None, changes: Sequence[Change]
             ),
             ("references", marked.scale_std_m, "the marks of things of known length"),
         ]
-        return [Part(n, 100 * NORMAL_95 * std_m, what) for n, std_m, what in parts if std_m > 0]
+        return [Part(n, 100 * HALF_WIDTH * std_m, what) for n, std_m, what in parts if std_m > 0]
     best = evidence.height
     if best is None or best["height_assumed"] or best["height_m"] is None:
         return []
@@ -290,9 +286,9 @@ def _budget(evidence: Evidence, marked: Marked | None, changes: Sequence[Change]
         rest_m = math.sqrt(max(std_m**2 - pose_m**2, 0.0))
         return [
             Part(
-                "pose", 100 * NORMAL_95 * min(pose_m, std_m), "its stated deviations, as if apart"
+                "pose", 100 * HALF_WIDTH * min(pose_m, std_m), "its stated deviations, as if apart"
             ),
-            Part("boxes, posture, doubt", 100 * NORMAL_95 * rest_m, "of this track"),
+            Part("boxes, posture, doubt", 100 * HALF_WIDTH * rest_m, "of this track"),
         ]
     return [Part(name, half_width_cm(best[share], std_m), what) for name, share, what in _PARTS]
 
@@ -312,15 +308,11 @@ def _shown(store: Store, evidence: Evidence) -> list[Shown]:
 
 def _is_same(evidence: Evidence) -> bool | None:
     """Return whether the file is the one that was measured; None if it is not there."""
-    from pipeline.mcap_file.bag import open_bytes
+    from pipeline.mcap_file.bag import sha256_of
 
     if evidence.file is None:
         return None
-    digest = hashlib.sha256()
-    with open_bytes(evidence.file) as stream:
-        while block := stream.read(_BLOCK):
-            digest.update(block)
-    return digest.hexdigest() == str(evidence.recording["content_sha256"])
+    return sha256_of(evidence.file) == str(evidence.recording["content_sha256"])
 
 
 def _items(evidence: Evidence, *, same: bool | None) -> list[tuple[str, str]]:

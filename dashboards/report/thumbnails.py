@@ -7,12 +7,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.compute as pc
-
 from dashboards.statement.pictures import read_pictures, thumbnail
 from pipeline.core.config import Config
-from pipeline.mcap_file.bag import is_recording
+from pipeline.mcap_file.bag import found_at
 from pipeline.store.database import Store
 
 Row = Mapping[str, Any]
@@ -38,16 +35,11 @@ def _of_camera(
     store: Store, recording_id: str, camera: str, people: Sequence[Row]
 ) -> dict[Key, str]:
     row = store.query("FROM recordings WHERE recording_id = ?", [recording_id]).to_pylist()[0]
-    path = next((p for p in _places(store, row) if is_recording(p)), None)
+    path = found_at(Path(row["path"]), store.path.parent)
     if path is None or row["size_bytes"] > MOST_BYTES:
         return {}
-    frames, cameras = (
-        t.filter(pc.equal(t["camera"], camera))
-        for t in (store.read(name, recording_id) for name in ("frames", "cameras"))
-    )
-    wanted = pa.array({p["best"]["frame_index"] for p in people}, type=pa.int32())
-    frames = frames.filter(pc.is_in(frames["frame_index"], wanted))
-    pictures = read_pictures(path, row, cameras, frames, Config())
+    indexes = {p["best"]["frame_index"] for p in people}
+    pictures = read_pictures(store, row, path, camera, indexes, Config())
     return {
         (recording_id, camera, p["track_id"]): thumbnail(
             pictures[p["best"]["frame_index"]], p["best"]
@@ -55,8 +47,3 @@ def _of_camera(
         for p in people
         if p["best"]["frame_index"] in pictures
     }
-
-
-def _places(store: Store, row: Row) -> tuple[Path, ...]:
-    path, folder = Path(row["path"]), store.path.parent
-    return path, folder / path, folder / path.name, Path(path.name)

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-import pyarrow as pa
 
 from dashboards.timeline.source import Span, pictures
+from pipeline.core.arrays import FloatArray
 from pipeline.core.config import Config
 from pipeline.core.errors import StadimeterError
 from pipeline.images.decode import Image, decode
+from pipeline.store.database import Store
 
 Row = Mapping[str, Any]
 
@@ -25,6 +27,11 @@ WHOLE_SIDE_PX = 1100
 THUMBNAIL_PX = 110
 MARGIN = 0.35  # of the height of the box, around it
 QUALITY = 88
+_CAMERA = "FROM cameras WHERE recording_id = ? AND camera = ?"
+_FRAMES = """
+FROM frames WHERE recording_id = ? AND camera = ? AND list_contains(?, frame_index)
+ORDER BY frame_index
+"""
 _LINE, _EDGE = (0, 158, 115)[::-1], (255, 255, 255)
 
 
@@ -55,27 +62,32 @@ def _worth(frame: Row) -> float:
 
 
 def read_pictures(
-    path: Path, recording: Row, cameras: pa.Table, frames: pa.Table, config: Config
+    store: Store, recording: Row, path: Path, camera: str, indexes: Collection[int], config: Config
 ) -> dict[int, Image]:
     """Return the pictures of some frames of one camera, by number of the frame.
 
     Args:
-        path: the recording.
-        recording: its row of the table `recordings`.
-        cameras: the camera's row of this table.
-        frames: the frames' rows of this one.
+        store: a database that is open.
+        recording: the row of the table `recordings`.
+        path: its file.
+        camera: name of the camera.
+        indexes: numbers of the frames.
         config: bounds of what is read.
 
     Returns:
         As many as could be read.
     """
-    if not frames.num_rows:
+    key = [recording["recording_id"], camera]
+    tables = {
+        "frames": store.query(_FRAMES, [*key, sorted(indexes)]),
+        "cameras": store.query(_CAMERA, key),
+    }
+    times = tables["frames"]["log_time_ns"].to_pylist()
+    if not times:
         return {}
-    times = frames["log_time_ns"].to_pylist()
     span = Span(min(times), max(times))
     found: dict[int, Image] = {}
-    try:
-        tables = {"frames": frames, "cameras": cameras}
+    with suppress(StadimeterError):  # those before the damage are shown
         for still in pictures(path, recording, tables, config, span):
             picture = decode(
                 bytes(still.image),
@@ -84,41 +96,48 @@ def read_pictures(
                 full_resolution=True,
             )
             found[still.frame_index] = picture.bgr
-    except StadimeterError:
-        return found
     return found
 
 
 def crop(picture: Image, frame: Row) -> Shown:
     """Return the object of a frame, enlarged, with the ends of its box."""
-    box = np.array([frame[f"{s}_px"] for s in ("x_min", "y_min", "x_max", "y_max")], dtype=float)
-    tall = box[3] - box[1]
-    low = np.floor(box[:2] - MARGIN * tall).astype(int).clip(0)
-    high = np.ceil(box[2:] + MARGIN * tall).astype(int).clip(1)
-    part = picture[low[1] : high[1], low[0] : high[0]]
-    if not part.size:
-        part, low = picture, np.zeros(2, dtype=int)
-    scale = min(MAX_SIDE_PX / max(part.shape[:2]), 6.0)
-    size = max(round(part.shape[1] * scale), 1), max(round(part.shape[0] * scale), 1)
-    way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
-    drawn = cv2.resize(part, size, interpolation=way)
-    ends = ((box - np.tile(low, 2) + 0.5) * scale - 0.5).round().astype(int)
-    return _shown(_with_ends(drawn, ends), frame["frame_index"])
+    drawn, ends = _cut(picture, _box(frame), MARGIN, MAX_SIDE_PX, 6.0)
+    return encoded(_with_ends(drawn, ends), frame["frame_index"])
 
 
 def thumbnail(picture: Image, frame: Row) -> str:
     """Return the object of a frame as a small picture, a data: URI."""
-    box = np.array([frame[f"{s}_px"] for s in ("x_min", "y_min", "x_max", "y_max")], dtype=float)
-    around = 0.1 * (box[3] - box[1])
+    drawn, _ = _cut(picture, _box(frame), 0.1, THUMBNAIL_PX, 3.0)
+    return encoded(drawn, frame["frame_index"]).data
+
+
+def _box(frame: Row) -> FloatArray:
+    return np.array([frame[f"{s}_px"] for s in ("x_min", "y_min", "x_max", "y_max")], dtype=float)
+
+
+def _cut(
+    picture: Image, box: FloatArray, margin: float, longest_px: int, most: float
+) -> tuple[Image, FloatArray]:
+    """Return what is in and around a box, resized, and the box in it; the whole picture if it is outside.
+
+    Args:
+        picture: the whole one.
+        box: in its pixels, (4,).
+        margin: around the box, as a share of its height.
+        longest_px: the longer side comes to this,
+        most: but by no larger factor.
+    """
+    around = margin * (box[3] - box[1])
     low = np.floor(box[:2] - around).astype(int).clip(0)
     high = np.ceil(box[2:] + around).astype(int).clip(1)
     part = picture[low[1] : high[1], low[0] : high[0]]
     if not part.size:
-        part = picture
-    scale = min(THUMBNAIL_PX / max(part.shape[:2]), 3.0)
+        part, low = picture, np.zeros(2, dtype=int)
+    scale = min(longest_px / max(part.shape[:2]), most)
     size = max(round(part.shape[1] * scale), 1), max(round(part.shape[0] * scale), 1)
     way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
-    return _shown(cv2.resize(part, size, interpolation=way), frame["frame_index"]).data
+    ends = (box - np.tile(low, 2) + 0.5) * scale - 0.5
+    return np.asarray(cv2.resize(part, size, interpolation=way)), ends
 
 
 def whole(picture: Image, frame: Row) -> Shown:
@@ -126,20 +145,14 @@ def whole(picture: Image, frame: Row) -> Shown:
     scale = min(WHOLE_SIDE_PX / max(picture.shape[:2]), 1.0)
     size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
     drawn = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    box = np.array([frame[f"{s}_px"] for s in ("x_min", "y_min", "x_max", "y_max")], dtype=float)
-    x0, y0, x1, y1 = ((box + 0.5) * scale - 0.5).round().astype(int).tolist()
+    x0, y0, x1, y1 = ((_box(frame) + 0.5) * scale - 0.5).round().astype(int).tolist()
     for colour, width in ((_EDGE, 4), (_LINE, 2)):
         cv2.rectangle(drawn, (x0, y0), (x1, y1), colour, width, cv2.LINE_AA)
-    return _shown(drawn, frame["frame_index"])
+    return encoded(drawn, frame["frame_index"])
 
 
-def encoded(picture: Image, frame_index: int) -> Shown:
-    """Return a picture as it is, for marking in it."""
-    return _shown(picture, frame_index)
-
-
-def _with_ends(drawn: Image, ends: np.ndarray) -> Image:
-    x0, y0, x1, y1 = ends.tolist()
+def _with_ends(drawn: Image, ends: FloatArray) -> Image:
+    x0, y0, x1, y1 = ends.round().astype(int).tolist()
     reach = max((x1 - x0) // 3, 12)
     for y in (y0, y1):
         for colour, width in ((_EDGE, 5), (_LINE, 2)):
@@ -150,15 +163,14 @@ def _with_ends(drawn: Image, ends: np.ndarray) -> Image:
     return drawn
 
 
-def _shown(picture: Image, frame_index: int) -> Shown:
+def encoded(picture: Image, frame_index: int) -> Shown:
+    """Return a picture for a page, as it is.
+
+    Raises:
+        StadimeterError: it cannot be encoded.
+    """
     done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     if not done:
-        raise StadimeterError("a picture of the statement cannot be encoded")
+        raise StadimeterError("a picture of the page cannot be encoded")
     text = base64.b64encode(data.tobytes()).decode("ascii")
     return Shown(frame_index, f"data:image/jpeg;base64,{text}", picture.shape[1], picture.shape[0])
-
-
-def rows_of(frames: pa.Table, chosen: Iterable[Row]) -> pa.Table:
-    """Return the rows of the table `frames` that some frames are."""
-    wanted = pa.array([f["frame_index"] for f in chosen], type=pa.int32())
-    return frames.filter(pa.compute.is_in(frames["frame_index"], wanted))

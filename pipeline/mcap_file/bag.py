@@ -6,6 +6,7 @@ file only. Behind each other the files are what `cat` makes of them, which the f
 
 from __future__ import annotations
 
+import hashlib
 import io
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from pipeline.core.errors import NotARecording, Where
 
 METADATA = "metadata.yaml"
 _LARGEST_METADATA = 16 * 1024**2
+_BLOCK = 1 << 20
 _KEY, _ENTRY = "relative_file_paths:", "- "
 
 
@@ -81,6 +83,21 @@ def parts_of(path: Path) -> list[Path]:
 def is_recording(path: Path) -> bool:
     """Return whether there is a file, or a bag, at a path."""
     return path.is_file() or (path.is_dir() and bool(listed_files(path)))
+
+
+def found_at(path: Path, folder: Path) -> Path | None:
+    """Return where a recording is: at its path, or by the folder of the database that names it."""
+    places = (path, folder / path, folder / path.name, Path(path.name))
+    return next((place for place in places if is_recording(place)), None)
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of the bytes of a recording, in hexadecimal digits."""
+    digest = hashlib.sha256()
+    with open_bytes(path) as stream:
+        while block := stream.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
 
 
 def missing_parts(path: Path) -> list[str]:

@@ -8,7 +8,6 @@ held against the stored ones; the hash of all tables says whether all rows are e
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import random
@@ -21,7 +20,7 @@ from pipeline.core.config import Config, build
 from pipeline.core.errors import StadimeterError, StoreError, UsageError, Where
 from pipeline.core.progress import Report, silent
 from pipeline.core.timing import StageTimes
-from pipeline.mcap_file.bag import is_recording, open_bytes
+from pipeline.mcap_file.bag import is_recording, sha256_of
 from pipeline.run.pass_one import measure_recording
 from pipeline.run.recording import attempt, stored_alone
 from pipeline.store.database import Store
@@ -29,7 +28,6 @@ from pipeline.store.fingerprint import tables_sha256
 from pipeline.store.recordings import has_truth_of_files
 from pipeline.store.scratch import Begun
 
-_BLOCK = 1 << 20
 _OF_FRAME = ("frames", "observations", "ground_truth")
 _OF_OBSERVATION = ("estimates", "observation_quality")
 
@@ -76,7 +74,7 @@ def _verify(
     name = row["file_name"]
     if not is_recording(path):
         return Verified(name, f"the file is not there: {path}")
-    if _sha256(path) != row["content_sha256"]:
+    if sha256_of(path) != row["content_sha256"]:
         return Verified(name, f"the file has changed since it was measured: {path}")
     if frames <= 0:
         return Verified(name, "")
@@ -102,14 +100,6 @@ def _verify(
     elif row["tables_sha256"] not in (None, whole) and not labelled:
         problem = f"{len(chosen)} frames are equal, but other rows differ (the hash of all tables)"
     return Verified(name, problem, len(chosen), whole == row["tables_sha256"])
-
-
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with open_bytes(path) as stream:
-        while block := stream.read(_BLOCK):
-            digest.update(block)
-    return digest.hexdigest()
 
 
 def config_of(store: Store, run_id: str) -> Config:

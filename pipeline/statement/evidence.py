@@ -14,7 +14,7 @@ from pipeline.core.camera_row import CameraRow, camera_rows
 from pipeline.core.config import Config
 from pipeline.core.errors import UsageError
 from pipeline.core.records import GroundPlane
-from pipeline.mcap_file.bag import is_recording
+from pipeline.mcap_file.bag import found_at
 from pipeline.run.verify import config_of
 from pipeline.store.database import Store
 
@@ -176,7 +176,7 @@ def read_evidence(store: Store, subject: Subject) -> Evidence:
     scope = {name: values[name] for name in ("recording", "camera")}
     return Evidence(
         subject,
-        _file_of(recording, store.path.parent),
+        found_at(Path(recording["path"]), store.path.parent),
         recording,
         row,
         pose,
@@ -204,13 +204,6 @@ def difference(store: Store, subject: Subject, other: int) -> tuple[Row, float]:
             remedy="`stadimeter query --view people` lists the tracks whose height was measured",
         )
     return rows[0]["difference"], float(rows[0]["taller"])
-
-
-def _file_of(recording: Row, folder: Path) -> Path | None:
-    """Return where a recording is: at its path, by the current folder or by that of the database."""
-    path = Path(recording["path"])
-    places = (path, folder / path, folder / path.name, Path(path.name))
-    return next((place for place in places if is_recording(place)), None)
 
 
 def half_width_cm(share: float | None, std_m: float) -> float:
