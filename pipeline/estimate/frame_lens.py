@@ -64,14 +64,18 @@ def usual_of(frames: pa.Table) -> FrameLens | None:
         frames: rows of the table `frames` of one camera.
     """
     known = frames.filter(pa.compute.is_valid(frames["fx_px"]))
-    if not known.num_rows:
-        return None
     keys = [*SIZE_COLUMNS, *NUMBERS]
-    known = known.select(keys).append_column("row", pa.array(np.arange(known.num_rows)))
-    counted = known.group_by(keys).aggregate([("row", "count"), ("row", "min")])
+    numbered = known.select(keys).append_column("row", pa.array(np.arange(known.num_rows)))
+    counted = numbered.group_by(keys).aggregate([("row", "count"), ("row", "min")])
     order = [("row_count", "descending"), ("row_min", "ascending")]
-    first = int(counted.sort_by(order)["row_min"][0].as_py())
-    return lens_at(frames.filter(pa.compute.is_valid(frames["fx_px"])), first)
+    return first_lens(known.take(counted.sort_by(order)["row_min"]))
+
+
+def first_lens(frames: pa.Table) -> FrameLens | None:
+    """Return the lens of the first row of `frames`, None where there is none or it is unknown."""
+    if not frames.num_rows or not frames["fx_px"][0].is_valid:
+        return None
+    return lens_at(frames, 0)
 
 
 def lens_at(frames: pa.Table, row: int) -> FrameLens:

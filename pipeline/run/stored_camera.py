@@ -14,7 +14,7 @@ from pipeline.calibrate.walkers.tilt import Tilt
 from pipeline.core.arrays import FloatArray
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.records import GroundPlane
-from pipeline.estimate.frame_lens import FrameLens, lens_at
+from pipeline.estimate.frame_lens import first_lens
 from pipeline.estimate.tables import measured_of
 from pipeline.estimate.track_batches import Tracks
 from pipeline.estimate.types import Measured
@@ -31,15 +31,14 @@ class StoredCamera:
     row: CameraRow
     plane: GroundPlane | None = None
     tilt: Tilt | None = None  # by its people, where they fix no pose
-    _usual: tuple[FrameLens | None] | None = None
+    _lenses: pa.Table | None = None
 
     @property
-    def usual_lens(self) -> FrameLens | None:
-        """The lens that most of its pictures have, as the recording or the camera file states it."""
-        if self._usual is None:
-            lenses = lenses_of(self.store, self.recording_id, self.row.camera)
-            self._usual = (lens_at(lenses, 0) if lenses.num_rows else None,)
-        return self._usual[0]
+    def lenses(self) -> pa.Table:
+        """Sizes and lenses of its pictures (`track_rows.lenses_of`)."""
+        if self._lenses is None:
+            self._lenses = lenses_of(self.store, self.recording_id, self.row.camera)
+        return self._lenses
 
     def measured(self, tracks: Tracks) -> Measured:
         """Read tracks, and what else is in their frames."""
@@ -49,8 +48,9 @@ class StoredCamera:
             self.row.camera,
             tracks.track_id.tolist(),
             tracks.frames,
+            with_lens=self.lenses.num_rows > 1,
         )
-        return measured_of(own, self.row, self.plane, others, self.usual_lens)
+        return measured_of(own, self.row, self.plane, others, first_lens(self.lenses))
 
     def people(self, tracks: pa.Table, besides: Sequence[int] = ()) -> Measured | None:
         """Read the tracks that determine the pose; None if there are no people.

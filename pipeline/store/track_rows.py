@@ -18,15 +18,17 @@ FROM observations WHERE recording_id = $recording AND camera = $camera
     AND frame_index BETWEEN $first AND $last AND track_id IN (SELECT unnest($tracks))
 """
 _UNUSED = "object_id, score, luminance, blur_edge_count, blur_reason"
-_LENS = """
-SELECT
-    camera, frame_index, capture_time_ns, exposure_time_s, f_number, focal_length_mm,
-    focus_distance_m, pixel_pitch_x_um, pixel_pitch_y_um,
+_EXPOSURE = """,
+    capture_time_ns, exposure_time_s, f_number, focal_length_mm, focus_distance_m, pixel_pitch_x_um,
+    pixel_pitch_y_um"""
+# Only of a camera whose lens or size changes: a list for each observation costs more than all the rest.
+_LENS = """,
     width_px AS frame_width_px, height_px AS frame_height_px, fx_px AS frame_fx_px,
     fy_px AS frame_fy_px, cx_px AS frame_cx_px, cy_px AS frame_cy_px,
     distortion_model AS frame_distortion_model, distortion AS frame_distortion,
-    intrinsics_source AS frame_intrinsics_source
-FROM frames WHERE recording_id = $recording AND camera = $camera
+    intrinsics_source AS frame_intrinsics_source"""
+_OF_FRAMES = """
+SELECT camera, frame_index {0} FROM frames WHERE recording_id = $recording AND camera = $camera
     AND frame_index BETWEEN $first AND $last
 """
 
@@ -48,15 +50,18 @@ def tracks_of(store: Store, recording_id: str, object_class: str) -> pa.Table:
 
 
 def lenses_of(store: Store, recording_id: str, camera: str) -> pa.Table:
-    """Return the known lenses of a camera's frames as in the table `frames`, that of most first."""
+    """Return the sizes and lenses of a camera's pictures as in the table `frames`.
+
+    Lenses that are known come first, and of these that of most frames.
+    """
     return store.connection.sql(
         """
         SELECT
             width_px, height_px, fx_px, fy_px, cx_px, cy_px, intrinsics_source,
             first(distortion_model ORDER BY frame_index) AS distortion_model,
             first(distortion ORDER BY frame_index) AS distortion
-        FROM frames WHERE recording_id = $recording AND camera = $camera AND fx_px IS NOT NULL
-        GROUP BY ALL ORDER BY count(*) DESC, min(frame_index)
+        FROM frames WHERE recording_id = $recording AND camera = $camera AND width_px IS NOT NULL
+        GROUP BY ALL ORDER BY count(fx_px) = 0, count(*) DESC, min(frame_index)
         """,
         params={"recording": recording_id, "camera": camera},
     ).to_arrow_table()
@@ -68,6 +73,8 @@ def observed(
     camera: str,
     track_ids: Sequence[int],
     frame_range: tuple[int, int],
+    *,
+    with_lens: bool = True,
 ) -> tuple[pa.Table, pa.Table]:
     """Return the observations of tracks, joined with their frames, and the other boxes in these.
 
@@ -79,7 +86,13 @@ def observed(
         camera: which camera of it.
         track_ids: the tracks.
         frame_range: the first and the last frame that any of them is in.
+        with_lens: whether the size and the lens of each frame stand beside its boxes, `frame_...`.
     """
+    exposed = _OF_FRAMES.format(_EXPOSURE + (_LENS if with_lens else ""))
+    lens, beside = "", ""
+    if with_lens:
+        lens = ", seen_by.* EXCLUDE (camera, frame_index)"
+        beside = f"JOIN ({_OF_FRAMES.format(_LENS)}) AS seen_by USING (camera, frame_index)"
     values = {
         "recording": recording_id,
         "camera": camera,
@@ -89,7 +102,8 @@ def observed(
     }
     own = store.connection.sql(
         f"""
-        SELECT * EXCLUDE ({_UNUSED}) FROM (SELECT * {_OWN}) JOIN ({_LENS}) USING (camera, frame_index)
+        SELECT * EXCLUDE ({_UNUSED}) FROM (SELECT * {_OWN})
+        JOIN ({exposed}) USING (camera, frame_index)
         ORDER BY observation_index
         """,
         params=values,
@@ -97,10 +111,8 @@ def observed(
     others = store.connection.sql(
         f"""
         SELECT
-            observation_index, frame_index, x_min_px, y_min_px, x_max_px, y_max_px,
-            COLUMNS('^frame_[^i]')
-        FROM observations SEMI JOIN (SELECT frame_index {_OWN}) USING (frame_index)
-        JOIN ({_LENS}) USING (camera, frame_index)
+            observation_index, frame_index, x_min_px, y_min_px, x_max_px, y_max_px {lens}
+        FROM observations SEMI JOIN (SELECT frame_index {_OWN}) USING (frame_index) {beside}
         WHERE recording_id = $recording AND camera = $camera
             AND frame_index BETWEEN $first AND $last AND track_id NOT IN (SELECT unnest($tracks))
         ORDER BY observation_index

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import stadimeter
+from pipeline.core.camera_row import camera_rows
 from pipeline.core.records import Intrinsics
+from pipeline.estimate.track_batches import Tracks
 from pipeline.mcap_file.writer import (
     RecordingWriter,
     calibration_message,
@@ -19,6 +21,9 @@ from pipeline.mcap_file.writer import (
     timestamp,
 )
 from pipeline.optics.pinhole import PinholeCamera
+from pipeline.run.stored_camera import StoredCamera
+from pipeline.store.database import Store
+from pipeline.store.track_rows import tracks_of
 from schemas.stadimeter_pb2 import Detections
 from tests.run.test_recordings import CAMERA, INTRINSICS, LEVEL, START_NS
 
@@ -144,3 +149,22 @@ def test_the_lens_of_a_camera_file_holds_for_all_pictures(tmp_path: Path) -> Non
     with stadimeter.open(tmp_path / "y.duckdb") as results:
         rows = results.query("SELECT depth_m FROM current_estimates WHERE method = 'ground'").rows()
     assert [row["depth_m"] for row in rows] == pytest.approx([DEPTH_M] * len(rows), rel=0.05)
+
+
+def test_other_boxes_in_a_frame_are_taken_to_the_usual_lens_too(tmp_path: Path) -> None:
+    """A batch holds some of the tracks; those that stand beside them are read with their frames."""
+    write_zoomed(tmp_path / "zoom.mcap", LENSES["in"])
+    stadimeter.measure(tmp_path / "zoom.mcap", tmp_path / "x.duckdb", camera=LEVEL, strict=False)
+    with Store.open(tmp_path / "x.duckdb", read_only=True) as store:
+        (key,) = store.query("SELECT recording_id FROM recordings").to_pylist()
+        recording_id = key["recording_id"]
+        (row,) = camera_rows(store.read("cameras", recording_id))
+        camera = StoredCamera(store, recording_id, row)
+        tracks = Tracks.of(tracks_of(store, recording_id, "person"))
+        whole = camera.measured(tracks)
+        one = camera.measured(tracks.take(slice(0, 1)))
+    assert one.others is not None
+    beside = whole.bbox_xyxy_px[np.isin(whole.observation_index, one.others.observation_index)]
+    assert len(beside) == FRAMES
+    assert one.others.bbox_xyxy_px == pytest.approx(beside)
+    assert np.ptp(one.others.bbox_xyxy_px, axis=0).max() < 0.01
