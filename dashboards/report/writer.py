@@ -14,6 +14,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from dashboards.page import template
 from dashboards.report.data import ReportData, Row, read_report_data
 from dashboards.report.thumbnails import Key, thumbnails
 from dashboards.style import Z_95
@@ -116,17 +117,7 @@ def _page(
     pictures: Mapping[Key, str],
     advice_for: Callable[[str], str],
 ) -> str:
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("dashboards.report", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=lambda value: "" if value is None else value,
-    )
-    environment.filters |= {
+    filters: dict[str, Callable[..., Any]] = {
         "shown": shown,
         "m": metres,
         "interval": interval,
@@ -141,7 +132,7 @@ def _page(
         else embedded(chart.to_dict())
         for name, chart in drawn.items()
     }
-    return environment.get_template(TEMPLATE).render(
+    return template("dashboards.report", TEMPLATE, filters).render(
         data=data,
         people=[(name, _with_pictures(rows, pictures)) for name, rows in _by_camera(data.people)],
         poses_of={_place(c): c for c in data.cameras},

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from dashboards.page import template
 from dashboards.report.writer import clock, shown
 from dashboards.statement.pictures import Shown
 from dashboards.statement.words import LIMITS, METHOD, Point
@@ -119,24 +120,17 @@ def write_marks_page(
     _write(MARKS_TEMPLATE, target, values)
 
 
-def _write(template: str, target: Path, values: Mapping[str, object]) -> None:
+def _write(name: str, target: Path, values: Mapping[str, object]) -> None:
+    filters = {"shown": shown, "clock": clock, "percent": _percent, "ratio": _ratio}
     try:
-        import jinja2
+        filled = template("dashboards.statement", name, filters)
     except ImportError as error:
         raise MissingLibrary(
             f"the statement needs a library that is not installed: {error.name}",
             remedy=how_to_install("report"),
         ) from error
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("dashboards.statement", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"shown": shown, "clock": clock, "percent": _percent, "ratio": _ratio}
     made_at = f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"
-    page = environment.get_template(template).render(made_at=made_at, version=__version__, **values)
+    page = filled.render(made_at=made_at, version=__version__, **values)
     with whole_file(target, "the page") as part:
         part.write_text(page, encoding="utf-8")
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
 
 from pipeline.core.config import Limits
 from pipeline.core.records import Severity
@@ -35,6 +36,20 @@ class ChannelInfo(NamedTuple):
     schema_encoding: str
     schema_data: bytes = b""
     metadata: tuple[tuple[str, str], ...] = ()
+
+    @classmethod
+    def of(
+        cls, channel: ChannelRecord | Channel, schema: SchemaRecord | Schema | None
+    ) -> ChannelInfo:
+        """Return a channel as a file declares it, with its schema if there is one."""
+        return cls(
+            channel.topic,
+            channel.message_encoding,
+            schema.name if schema else "",
+            schema.encoding if schema else "",
+            schema.data if schema else b"",
+            tuple(channel.metadata.items()),
+        )
 
 
 class Topics:
@@ -154,14 +169,7 @@ class Topics:
                 offset,
                 channel.topic,
             )
-        return ChannelInfo(
-            channel.topic,
-            channel.message_encoding,
-            schema.name if schema else "",
-            schema.encoding if schema else "",
-            schema.data if schema else b"",
-            tuple(channel.metadata.items()),
-        )
+        return ChannelInfo.of(channel, schema)
 
     def _look_elsewhere(self, found: Callable[[], bool]) -> None:
         """Read one place after the other until what is missing is found."""

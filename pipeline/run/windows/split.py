@@ -250,12 +250,4 @@ class WindowFile(McapFile):
 
 
 def _info(channel: Channel, summary: Summary) -> ChannelInfo:
-    schema = summary.schemas.get(channel.schema_id)
-    return ChannelInfo(
-        channel.topic,
-        channel.message_encoding,
-        schema.name if schema else "",
-        schema.encoding if schema else "",
-        schema.data if schema else b"",
-        tuple(channel.metadata.items()),
-    )
+    return ChannelInfo.of(channel, summary.schemas.get(channel.schema_id))
