@@ -113,7 +113,12 @@ FROM (VALUES
     ('height_rmse_low_m', 'Lower end of its 95 % interval (on the logarithm, errors correlated within tracks).'),
     ('height_rmse_high_m', 'Upper end of its 95 % interval.'),
     ('height_mape_percent', 'MAPE: mean of the absolute height error over the true height, in percent.'),
-    ('height_coverage_95', 'Share of nominal 95 % intervals of height that hold the truth.')
+    ('height_coverage_95', 'Share of nominal 95 % intervals of height that hold the truth.'),
+    ('captured_at', 'Time at which the frame was taken, UTC.'),
+    ('depth_low_m', 'Lower end of the 95 % interval of the depth.'),
+    ('depth_high_m', 'Upper end of the 95 % interval of the depth.'),
+    ('first_seen_at', 'Time of the first frame in which it was seen, UTC.'),
+    ('last_seen_at', 'Time of the last frame in which it was seen, UTC.')
 ) AS words(column_name, meaning);
 
 COMMENT ON VIEW main.glossary IS 'What does a column mean, in every table and view that has it?';

@@ -4,5 +4,3 @@ FROM main.recording_people
 ANTI JOIN main.repeated_tracks USING (recording_id, camera, track_id);
 
 COMMENT ON VIEW main.people IS 'How tall is every track, by the newest run and the best method? Its rows are what the macros height_difference and taller take: SELECT height_difference(a, b) FROM people AS a, people AS b WHERE a.track_id = 4 AND b.track_id = 7.';
-COMMENT ON COLUMN main.people.first_seen_at IS 'Time of the first frame in which it was seen, UTC.';
-COMMENT ON COLUMN main.people.last_seen_at IS 'Time of the last frame in which it was seen, UTC.';

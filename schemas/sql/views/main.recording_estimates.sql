@@ -16,8 +16,5 @@ JOIN main.recordings USING (recording_id)
 LEFT JOIN main.frames USING (recording_id, camera, frame_index);
 
 COMMENT ON VIEW main.recording_estimates IS 'How far away and how tall is every object in every frame, by every method of the newest run of its recording? For questions on one recording: frames that several recordings hold are in each; current_estimates has them once.';
-COMMENT ON COLUMN main.recording_estimates.captured_at IS 'Time at which the frame was taken, UTC.';
-COMMENT ON COLUMN main.recording_estimates.depth_low_m IS 'Lower end of the 95 % interval of the depth.';
-COMMENT ON COLUMN main.recording_estimates.depth_high_m IS 'Upper end of the 95 % interval of the depth.';
 COMMENT ON COLUMN main.recording_estimates.height_low_m IS 'Lower end of the 95 % interval of the height in this frame.';
 COMMENT ON COLUMN main.recording_estimates.height_high_m IS 'Upper end of the 95 % interval of the height in this frame.';

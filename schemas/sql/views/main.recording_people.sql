@@ -11,5 +11,3 @@ LEFT JOIN main.tracks USING (recording_id, camera, track_id)
 WHERE method = 'fused' AND height_assumed IS NOT TRUE;
 
 COMMENT ON VIEW main.recording_people IS 'How tall is every track, by the newest run and the best method? For questions on one recording: a track in frames that another recording holds too is there as well; people has it once.';
-COMMENT ON COLUMN main.recording_people.first_seen_at IS 'Time of the first frame in which it was seen, UTC.';
-COMMENT ON COLUMN main.recording_people.last_seen_at IS 'Time of the last frame in which it was seen, UTC.';
