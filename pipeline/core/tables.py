@@ -19,12 +19,8 @@ _I32, _I64, _F32, _F64 = pa.int32(), pa.int64(), pa.float32(), pa.float64()
 
 _TEXT, _BOOL = pa.string(), pa.bool_()
 
-CAMERAS = _schema(
-    ("camera", _TEXT),
-    ("topic", _TEXT),
-    ("frame_id", _TEXT),
-    ("width_px", _I32),
-    ("height_px", _I32),
+# Of a camera, and of each of its frames.
+_LENS = (
     ("fx_px", _F64),
     ("fy_px", _F64),
     ("cx_px", _F64),
@@ -32,6 +28,15 @@ CAMERAS = _schema(
     ("distortion_model", _TEXT),
     ("distortion", pa.list_(_F64)),
     ("intrinsics_source", _TEXT),
+)
+
+CAMERAS = _schema(
+    ("camera", _TEXT),
+    ("topic", _TEXT),
+    ("frame_id", _TEXT),
+    ("width_px", _I32),
+    ("height_px", _I32),
+    *_LENS,
     ("camera_height_m", _F64),
     ("camera_height_std_m", _F64),
     ("tilt_rad", _F64),
@@ -70,13 +75,7 @@ FRAMES = _schema(
     ("clipped_fraction", _F64),
     ("ev100", _F64),
     ("scene_luminance_cd_m2", _F64),
-    ("fx_px", _F64),
-    ("fy_px", _F64),
-    ("cx_px", _F64),
-    ("cy_px", _F64),
-    ("distortion_model", _TEXT),
-    ("distortion", pa.list_(_F64)),
-    ("intrinsics_source", _TEXT),
+    *_LENS,
 )
 
 TRACKS = _schema(

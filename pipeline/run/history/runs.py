@@ -53,8 +53,7 @@ def make_current(database: Path, name: str) -> list[Row]:
         StoreError: the database does not exist, or cannot be written.
     """
     with _opened(database) as store:
-        found = _named(store, name)
-        _refuse_several(store, name, found)
+        found = _one_a_recording(store, name)
         with store.transaction():
             for row in found:
                 key = row["recording_id"]
@@ -77,8 +76,7 @@ def remove_run(database: Path, name: str) -> list[Row]:
         StoreError: the database does not exist, or cannot be written.
     """
     with _opened(database) as store:
-        found = _named(store, name)
-        _refuse_several(store, name, found)
+        found = _one_a_recording(store, name)
         with store.transaction():
             for row in found:
                 _remove(store, row)
@@ -137,8 +135,9 @@ def _named(store: Store, name: str) -> list[Row]:
     return found
 
 
-def _refuse_several(store: Store, name: str, found: list[Row]) -> None:
-    """Refuse a label that several runs of one recording have."""
+def _one_a_recording(store: Store, name: str) -> list[Row]:
+    """Return the rows of `all_runs` of a name; refuse a label that several runs of one recording have."""
+    found = _named(store, name)
     if len({row["recording_id"] for row in found}) < len(found):
         ids = ", ".join(dict.fromkeys(row["run_id"] for row in found))
         raise UsageError(
@@ -146,3 +145,4 @@ def _refuse_several(store: Store, name: str, found: list[Row]) -> None:
             where=Where(store.path),
             remedy=f"Give one by its id: {ids}",
         )
+    return found
