@@ -25,7 +25,7 @@ from pipeline.importing.video_file import (
     VideoImport,
     write_lens,
 )
-from pipeline.ingest.video_stream import is_key_frame
+from pipeline.ingest.video.video_stream import is_key_frame
 from pipeline.mcap_file.writer import RecordingWriter, part_of, timestamp
 from pipeline.parallel.apart import Died, call_apart
 

@@ -15,11 +15,11 @@ from pipeline.core.config import CameraConfig, IngestConfig
 from pipeline.core.diagnostics import Notes
 from pipeline.core.errors import MissingLibrary, UnsupportedChannel
 from pipeline.core.exposure import FIELDS, UNKNOWN_EXPOSURE, Exposure
-from pipeline.core.records import Diagnostic, Frame, LensClaim, Pairing, Severity
+from pipeline.core.records import Boxes, Diagnostic, Frame, LensClaim, Pairing, Severity
 from pipeline.images.exif import exif_block, exposure_of, read_tags
 from pipeline.images.header import image_size
-from pipeline.ingest.access_units import Times
 from pipeline.ingest.cameras import Cameras, Why
+from pipeline.ingest.class_labels import StatedLabels
 from pipeline.ingest.clocks import CameraClock
 from pipeline.ingest.lanes import Lanes
 from pipeline.ingest.logged_behind import (
@@ -36,11 +36,12 @@ from pipeline.ingest.plausibility import refuse_implausible
 from pipeline.ingest.pose import BODY_FRAME, MOVING, CameraPose, TransformTree, UnusablePose
 from pipeline.ingest.sample_bits import SampleBits
 from pipeline.ingest.sources import Channels, Repeats, Source
-from pipeline.ingest.video_stream import Out
-from pipeline.ingest.videos import OfCamera, Videos
+from pipeline.ingest.video.access_units import Times
+from pipeline.ingest.video.video_stream import Out
+from pipeline.ingest.video.videos import OfCamera, Videos
 from pipeline.ingest.waiting import Waiting, WaitingRoom
 from pipeline.mcap_file.reader import MAX_TIME_NS, McapFile, RawMessage
-from pipeline.messages.content import Decoded, EncodedImage, Kind, VideoPacket
+from pipeline.messages.content import ClassLabels, Decoded, EncodedImage, Kind, VideoPacket
 from pipeline.messages.lens_readings import NO_LENS, Found, LensReadings
 from pipeline.messages.named_numbers import named_numbers
 from pipeline.messages.registry import kind_of
@@ -92,6 +93,7 @@ class FrameAssembler:
         self._frame_counts: dict[str, int] = {}
         self._channels = Channels(file.limits, named_numbers(cameras), self._tell)
         self._named = NamedExposure(file.limits.waiting_values)
+        self._labels = StatedLabels(file.limits.sources)
         self._transforms = TransformTree(config.ground_frame)
         self._posed: dict[str, int] = {}  # camera -> version of the transforms
         self._decode_video = decode_video
@@ -178,6 +180,8 @@ class FrameAssembler:
             self._enqueue_image(message, payload, raw)
         elif isinstance(payload, VideoPacket):
             self._enqueue_video(message, payload, raw)
+        elif isinstance(payload, ClassLabels):
+            self._labels.add(raw.channel.topic, payload)
         elif kind is Kind.TRANSFORMS:
             self._transforms.add(payload)  # type: ignore[arg-type]
             for camera in self.frame_ids:
@@ -300,7 +304,7 @@ class FrameAssembler:
             exposure_pairing=exposure.pairing if exposure else Pairing.NONE,
             exposure_offset_ns=exposure.offset_ns if exposure else None,
             intrinsics=lens.lens,
-            detections=self._taken(Kind.DETECTIONS, camera, asked),
+            detections=self._boxes(camera, asked),
             truth=truth or (),
             topic=waiting.topic,
             byte_offset=waiting.byte_offset,
@@ -376,6 +380,12 @@ class FrameAssembler:
     def _nearest_or_last(self, kind: Kind, camera: str, asked: Asked) -> Any:
         lane = self._lanes.of_camera(kind, camera)
         return None if lane is None else self._partners.find(lane, asked)
+
+    def _boxes(self, camera: str, asked: Asked) -> Boxes | None:
+        """Return the boxes of a picture, with the class names that the recording states by then."""
+        boxes: Boxes | None = self._taken(Kind.DETECTIONS, camera, asked)
+        lane = self._lanes.of_camera(Kind.DETECTIONS, camera)
+        return boxes if boxes is None or lane is None else self._labels.named(boxes, lane.topic)
 
     def _taken(self, kind: Kind, camera: str, asked: Asked) -> Any:
         lane = self._lanes.of_camera(kind, camera)

@@ -69,13 +69,13 @@ class Lanes:
         candidates = same or nameless
         if not candidates:
             return None
-        best = max(candidates, key=lambda lane: _shared_namespace(lane.topic, topic))
-        if same or len(self._cameras) == 1 or _shared_namespace(best.topic, topic) > 0:
+        best = max(candidates, key=lambda lane: shared_namespace(lane.topic, topic))
+        if same or len(self._cameras) == 1 or shared_namespace(best.topic, topic) > 0:
             return best
         return None
 
 
-def _shared_namespace(a: str, b: str) -> int:
+def shared_namespace(a: str, b: str) -> int:
     """Return how many leading parts two topics share: "/front/image", "/front/exposure" -> 1."""
     count = 0
     for x, y in zip(a.strip("/").split("/")[:-1], b.strip("/").split("/")[:-1], strict=False):

@@ -20,6 +20,8 @@ _FEW, _FEW_SHARE = 2, 0.02
 _FEWEST, _MOST_SHARE = 8, 0.8
 # A driver that states its own time is as late as this at most.
 _AT_ITS_TIME_NS = round(EXPOSURE_TOLERANCE_S * 1e9)
+# Kinds that hold on until they are said anew, and the code where a camera has none of them.
+_SETTINGS = {Kind.CALIBRATION: "unused_calibration", Kind.EXPOSURE: "unused_exposure"}
 _WORDS = {Kind.DETECTIONS: "messages with boxes", Kind.TRUTH: "messages with ground truth"}
 
 
@@ -33,6 +35,7 @@ def pairing_notes(
         ways: how the values of each were paired, by `id` of the lane and camera.
         cameras: topic of the pictures by camera.
     """
+    yield from _unused_settings(lanes, cameras)
     for kind, lane in lanes:
         if kind is Kind.EXPOSURE:
             yield from _of_settings(lane)
@@ -72,6 +75,26 @@ def _of_way(kind: Kind, lane: Lane[Any], camera: str, way: Ways) -> Iterator[Dia
         text += f"paired with the picture that fits this best, within {way.tolerance_ns / 1e6:.0f} ms; a "
         text += "delay of whole pictures more cannot be seen: let the detector copy the stamps"
         yield _note(Severity.WARNING, "paired_by_nearest", text, lane, camera, len(way.by_stamp))
+
+
+def _unused_settings(lanes: Lanes, cameras: Mapping[str, str]) -> Iterator[Diagnostic]:
+    """Tell of calibrations and exposures that no picture got, where a camera is left without."""
+    for kind, code in _SETTINGS.items():
+        of_cameras = {camera: lanes.of_camera(kind, camera) for camera in cameras}
+        without = sorted(c for c, lane in of_cameras.items() if lane is None or not lane.asked)
+        used = {id(lane) for lane in of_cameras.values()}
+        for other, lane in lanes:
+            if other is not kind or lane.asked or not without:
+                continue
+            text = f"{lane.added:,} messages with {kind} were not used: "
+            if id(lane) in used:
+                text += (
+                    "their times are those of no picture; their clock must be that of the pictures"
+                )
+            else:
+                text += f"they belong to no camera, and {', '.join(without)} has none: frame_id "
+                text += f"({lane.frame_id!r}) or topic namespace must be those of the pictures"
+            yield _note(Severity.WARNING, code, text, lane, None, lane.added)
 
 
 def _of_settings(lane: Lane[Any]) -> Iterator[Diagnostic]:

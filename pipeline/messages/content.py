@@ -21,6 +21,7 @@ class Kind(StrEnum):
     TRUTH = "ground truth"
     DETECTIONS = "detections"
     TRANSFORMS = "transforms"
+    LABELS = "class names"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,13 @@ class Transform:
     rotation_xyzw: tuple[float, float, float, float]
 
 
+@dataclass(frozen=True, slots=True)
+class ClassLabels:
+    """Names of a detector's classes, by the number that stands for them in its boxes."""
+
+    name_of: dict[str, str]
+
+
 Payload = (
     EncodedImage
     | VideoPacket
@@ -58,6 +66,7 @@ Payload = (
     | tuple[TrueObject, ...]
     | Boxes
     | tuple[Transform, ...]
+    | ClassLabels
 )
 
 

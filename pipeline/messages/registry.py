@@ -16,6 +16,7 @@ from pipeline.messages.calibration import camera_calibration
 from pipeline.messages.content import Decoded, Family, Kind
 from pipeline.messages.exposure import camera_exposure, names_exposure
 from pipeline.messages.images import compressed_image, compressed_video, raw_image
+from pipeline.messages.labels import label_info
 from pipeline.messages.ros_builtin import DEFINITIONS
 from pipeline.messages.transforms import frame_transform, frame_transforms, tf_message
 from pipeline.messages.tree import Tree, UndecodableMessage
@@ -35,6 +36,7 @@ FAMILIES: dict[str, tuple[Kind, Family]] = {
     "sensor_msgs/Image": (Kind.IMAGE, raw_image),
     "sensor_msgs/CameraInfo": (Kind.CALIBRATION, camera_calibration),
     "vision_msgs/Detection2DArray": (Kind.DETECTIONS, detection_2d_array),
+    "vision_msgs/LabelInfo": (Kind.LABELS, label_info),
     "tf2_msgs/TFMessage": (Kind.TRANSFORMS, tf_message),
     "tf/tfMessage": (Kind.TRANSFORMS, tf_message),
     "stadimeter/CameraExposure": (Kind.EXPOSURE, camera_exposure),

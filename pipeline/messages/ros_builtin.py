@@ -49,6 +49,15 @@ uint32 height
 uint32 width
 bool do_rectify
 """,
+    "vision_msgs/LabelInfo": f"""
+std_msgs/Header header
+vision_msgs/VisionClass[] class_map
+float32 threshold
+{_LINE}
+MSG: vision_msgs/VisionClass
+uint16 class_id
+string class_name
+{_HEADER}""",
     "tf2_msgs/TFMessage": f"""
 geometry_msgs/TransformStamped[] transforms
 {_LINE}

@@ -21,7 +21,7 @@ from pipeline.core.records import Diagnostic, Frame, Severity
 from pipeline.core.timing import Spent, StageTimes, Stopwatch
 from pipeline.images.decode import Picture
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.video_stream import READ_CODECS
+from pipeline.ingest.video.video_stream import READ_CODECS
 from pipeline.parallel.opencv_threads import OpenCvThreads
 from pipeline.parallel.prefetch import ahead
 from pipeline.run.camera_stage import LEARNING_PICTURES, CameraStage, Decoded

@@ -10,10 +10,15 @@ import pytest
 
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
-from pipeline.core.records import Boxes, Frame, Pairing
+from pipeline.core.records import Boxes, Frame, Intrinsics, Pairing
 from pipeline.ingest.frames import FrameAssembler
 from pipeline.mcap_file.reader import McapFile
-from pipeline.mcap_file.writer import RecordingWriter, image_message, timestamp
+from pipeline.mcap_file.writer import (
+    RecordingWriter,
+    calibration_message,
+    image_message,
+    timestamp,
+)
 from pipeline.track.tracker import Tracker
 from schemas.stadimeter_pb2 import CameraExposure, Detections
 
@@ -296,8 +301,9 @@ def test_exposure_of_a_clock_54_years_away_is_paired_by_log_times_or_not_at_all(
                 )
                 writer.write("/e", message, true_clock(n) if by_log else stamp_ns)
                 writer.write("/i", image(n, true_clock(n)), true_clock(n))
-        frames, _ = read(path)
+        frames, notes = read(path)
         assert {f.exposure_pairing for f in frames} == {pairing}
+        assert ("unused_exposure" in codes(notes)) is (not by_log)
         if by_log:
             assert [f.exposure.f_number for f in frames] == [2.0 + n for n in range(COUNT)]
 
@@ -331,3 +337,25 @@ def test_the_tracker_begins_anew_where_time_falls_back() -> None:
     ids = [int(tracker.update(t, n, box)[0]) for n, t in enumerate(times)]
     assert len(set(ids)) <= 3
     assert len(set(ids[11:])) == 1
+
+
+def test_lens_and_exposure_of_no_camera_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    with RecordingWriter(path) as writer:
+        for n in range(5):
+            for name in ("a", "b"):
+                message = image_message(b"x", "jpeg", true_clock(n), name)
+                writer.write(f"/{name}/i", message, true_clock(n))
+            lens = calibration_message(
+                Intrinsics(640, 480, 500.0, 500.0, 319.5, 239.5), true_clock(n), "elsewhere"
+            )
+            writer.write("/lens", lens, true_clock(n))
+            known = CameraExposure(timestamp=timestamp(true_clock(n)), frame_id="a", f_number=4)
+            writer.write("/a/e", known, true_clock(n))
+            known.frame_id = "elsewhere"
+            writer.write("/e", known, true_clock(n))
+    _, notes = read(path)
+    told = {n.code: n.message for n in notes}
+    assert "5 messages with calibration" in told["unused_calibration"]
+    assert "a, b has none" in told["unused_calibration"]
+    assert "b has none" in told["unused_exposure"]

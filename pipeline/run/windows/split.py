@@ -42,8 +42,9 @@ LOOK_AHEAD_S = 1.0
 FRAMING_BYTES = 9  # an MCAP record's opcode and length
 # Whatever else there is holds until it is said anew, so that a window needs the last of it.
 MOMENTARY = (Kind.IMAGE, Kind.TRUTH)
-# Video can be entered at key frames only, and transforms add up to the pose: left whole.
-UNCUT = (Kind.VIDEO, Kind.TRANSFORMS)
+# Video can be entered at key frames only, transforms add up to the pose, and lists of class names add up
+# too: left whole.
+UNCUT = (Kind.VIDEO, Kind.TRANSFORMS, Kind.LABELS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from pipeline.images.raw import decode_raw
-from pipeline.ingest.access_units import Times
-from pipeline.ingest.nal_units import START, units_of
-from pipeline.ingest.video_stream import Out, VideoStream
+from pipeline.ingest.video.access_units import Times
+from pipeline.ingest.video.nal_units import START, units_of
+from pipeline.ingest.video.video_stream import Out, VideoStream
 
 COUNT, STEP = 40, 5
 ENCODERS = {"h264": "libx264", "hevc": "libx265"}

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
-from pipeline.ingest.nal_units import (
+from pipeline.ingest.video.nal_units import (
     START,
     Sequence,
     Slice,

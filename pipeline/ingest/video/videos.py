@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from pipeline.core.errors import UnsupportedChannel
-from pipeline.ingest.access_units import Times
-from pipeline.ingest.video_stream import READ_CODECS, Out, VideoStream
+from pipeline.ingest.video.access_units import Times
+from pipeline.ingest.video.video_stream import READ_CODECS, Out, VideoStream
 from pipeline.mcap_file.reader import McapFile, RawMessage
 from pipeline.messages.content import VideoPacket
 

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from pipeline.core.config import Config
 from pipeline.core.diagnostics import Notes
 from pipeline.images.raw import decode_raw
-from pipeline.ingest.access_units import Times
 from pipeline.ingest.frames import FrameAssembler
-from pipeline.ingest.video_stream import Out, VideoStream, is_key_frame
+from pipeline.ingest.video.access_units import Times
+from pipeline.ingest.video.video_stream import Out, VideoStream, is_key_frame
 from pipeline.mcap_file.reader import McapFile
 from pipeline.mcap_file.writer import timestamp
 from tests.support.damage import SmallChunks, flipped

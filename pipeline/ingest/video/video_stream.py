@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 from pipeline.core.errors import MissingLibrary
 from pipeline.core.extras import how_to_install
 from pipeline.core.records import RawLayout
-from pipeline.ingest.access_units import FRAMED, AccessUnit, AccessUnits, Times
-from pipeline.ingest.nal_units import units_of
+from pipeline.ingest.video.access_units import FRAMED, AccessUnit, AccessUnits, Times
+from pipeline.ingest.video.nal_units import units_of
 from pipeline.messages.content import EncodedImage
 
 if TYPE_CHECKING:

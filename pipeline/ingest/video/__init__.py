@@ -1,0 +1,1 @@
+"""Video streams: messages become units, units become packets, packets become bare pictures."""
