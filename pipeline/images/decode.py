@@ -123,7 +123,9 @@ def relative_luminance_of(bgr: Image) -> npt.NDArray[np.float64]:
 
 def _brightness(bgr: npt.NDArray[np.uint8] | cv2.typing.MatLike) -> tuple[float, float]:
     step = max(1, max(bgr.shape[:2]) // _SAMPLES_ACROSS)
-    sample = np.ascontiguousarray(bgr[step // 2 :: step, step // 2 :: step], dtype=np.uint8)
+    first = (min(step, side) // 2 for side in bgr.shape[:2])  # a line camera's picture is very thin
+    rows, columns = (slice(at, None, step) for at in first)
+    sample = np.ascontiguousarray(bgr[rows, columns], dtype=np.uint8)
     luminance = sum(cv2.mean(cv2.LUT(sample, luminance_tables()[None]))[:3])
     dark = cv2.countNonZero(cv2.inRange(sample, (0, 0, 0), (_BLACK,) * 3))
     bright = cv2.countNonZero(cv2.inRange(sample, (_WHITE,) * 3, (255, 255, 255)))

@@ -13,14 +13,19 @@ _SCAN = 0xDA
 
 
 def image_size(image: bytes) -> tuple[int, int] | None:
-    """Return width and height as the header states them, without decoding; None for no picture."""
+    """Return width and height as the header states them, without decoding.
+
+    None for no picture, and for one without any pixels: a JPEG may leave its height to a segment behind
+    the scan (ITU-T T.81, B.2.5), which OpenCV does not read.
+    """
+    size = None
     if image[:8] == _PNG and len(image) >= 24:
-        return struct.unpack(">II", image[16:24])
-    if image[:2] == b"\xff\xd8":
-        return _jpeg_size(image)
-    if image[:4] == b"RIFF" and image[8:12] == b"WEBP":
-        return _webp_size(image)
-    return None
+        size = struct.unpack(">II", image[16:24])
+    elif image[:2] == b"\xff\xd8":
+        size = _jpeg_size(image)
+    elif image[:4] == b"RIFF" and image[8:12] == b"WEBP":
+        size = _webp_size(image)
+    return size if size and min(size) > 0 else None
 
 
 def hidden_cost(image: bytes, max_scans: int) -> str | None:

@@ -31,10 +31,12 @@ from pipeline.core.tables import TRACK_CADENCES
 from pipeline.estimate.estimate_tracks import Remarks, camera_blur, estimate_tracks
 from pipeline.estimate.tables import Rows
 from pipeline.estimate.track_batches import Tracks
-from pipeline.run.clock_notes import clock_notes, speed_notes
-from pipeline.run.exposure_notes import exposure_notes
-from pipeline.run.people_check import lens_by_people, people_of, refused_pose, with_tilt
-from pipeline.run.scale_notes import length_notes, scale_notes, unlike_prior
+from pipeline.run.doubts.clock_notes import clock_notes, speed_notes
+from pipeline.run.doubts.exposure_notes import exposure_notes, exposure_time_notes
+from pipeline.run.doubts.lens_notes import lens_notes
+from pipeline.run.doubts.people_check import lens_by_people, people_of, refused_pose, with_tilt
+from pipeline.run.doubts.scale_notes import length_notes, scale_notes, unlike_prior
+from pipeline.run.doubts.truth_notes import truth_notes
 from pipeline.run.standing_part import in_standing_part, parts_of
 from pipeline.run.stored_camera import StoredCamera, lines_of
 from pipeline.store.database import Store
@@ -100,6 +102,9 @@ def estimate_recording(
             walkers = prior.object_class
             remarks.add(speed_notes(store, recording_id, run_id, row.camera, walkers))
         remarks.add(length_notes(camera.row, plane, here))
+        remarks.add(lens_notes(row.camera, camera.row.intrinsics))
+        remarks.add(exposure_time_notes(store, recording_id, row.camera))
+        remarks.add(truth_notes(store, recording_id, run_id, row.camera))
     add_calibrations(store, remarks.calibrations(), run_id)
     add_diagnostics(store, remarks.diagnostics(), recording_id, run_id, file_name)
 

@@ -121,6 +121,29 @@ def with_boxes(change: Callable[[list[float]], list[float]]) -> Iterator[Said]:
         yield one._replace(message=message)
 
 
+def changed(topic: str, change: Callable[[Any], None]) -> Iterator[Said]:
+    """Yield the scene with the messages of a topic changed in place."""
+    for one in scene():
+        if one.topic == topic:
+            one = one._replace(message=copy.deepcopy(one.message))
+            change(one.message)
+        yield one
+
+
+def in_millimetres(truth: Any) -> None:
+    for true in truth.objects:
+        true.depth_m, true.height_m = 1000 * true.depth_m, 1000 * true.height_m
+
+
+def in_milliseconds(exposure: Any) -> None:
+    exposure.exposure_time_s *= 1000
+
+
+def folding(lens: Any) -> None:
+    lens.distortion_model = "plumb_bob"
+    lens.D[:] = [-1.5, 0.0, 0.0, 0.0, 0.0]
+
+
 class Outcome(NamedTuple):
     """Result of a run."""
 
@@ -291,6 +314,18 @@ TOLD: dict[str, tuple[Callable[[], Any], str]] = {
     "exposure always 60 ms before": (
         lambda: restamped("/cam/exposure", to=lambda ns: ns - 60 * MS_NS),
         "exposure_offset",
+    ),
+    "true depths in millimetres": (
+        lambda: changed("/cam/truth", in_millimetres),
+        "truth_contradicted",
+    ),
+    "exposure times in milliseconds": (
+        lambda: changed("/cam/exposure", in_milliseconds),
+        "impossible_exposure_time",
+    ),
+    "a distortion that folds over in the picture": (
+        lambda: changed("/cam/info", folding),
+        "doubtful_lens",
     ),
 }
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import linregress
 
 from pipeline.core.tables import CALIBRATIONS, ESTIMATES, OBSERVATION_QUALITY, TRACK_HEIGHTS
-from pipeline.run.exposure_notes import exposure_notes
+from pipeline.run.doubts.exposure_notes import exposure_notes
 from pipeline.store.database import Store
 from pipeline.store.exposure_rows import exposure_verdicts
 from pipeline.store.recordings import list_recordings

@@ -124,7 +124,8 @@ def speed_notes(
             Severity.WARNING,
             "impossible_speeds",
             f"half of {len(speeds)} tracks of {object_class!r} move at more than "
-            f"{np.median(speeds):.1f} m/s: the clock of the frames runs too fast, the distances are too "
+            f"{np.median(speeds):.1f} m/s: the clock of the frames runs too fast, the "
+            f"distances are too "
             "long, or these are no people. Check the frame rate, the lens and the camera's height",
             camera=camera,
             count=len(speeds),
@@ -155,7 +156,8 @@ def _clock(camera: str, hz: np.ndarray, factor: float, std: float) -> Diagnostic
         f"{len(hz)} people take {np.median(hz):.2f} steps a second, which does not go with "
         f"how people walk: the clock of the frames seems to run {factor:.2f} \u00b1 "
         f"{factor * std:.2f} times as fast as it should (one "
-        "standard error). Depths and heights do not depend on it, speeds do; import the video again "
+        "standard error). Depths and heights do not depend on it, speeds do; import the video "
+        "again "
         "with its true frame rate",
         camera=camera,
         count=len(hz),
@@ -166,9 +168,11 @@ def _scale(camera: str, hz: np.ndarray, factor: float, std: float) -> Diagnostic
     return Diagnostic(
         Severity.WARNING,
         "scale_contradicted",
-        f"{len(hz)} people who take {np.median(hz):.2f} steps a second would walk {factor:.2f} \u00b1 "
+        f"{len(hz)} people who take {np.median(hz):.2f} steps a second would walk {factor:.2f} "
+        f"\u00b1 "
         f"{factor * std:.2f} times as fast as people do: distances by the given pose "
-        "seem too large by that factor (one standard error). Check the unit and the height of the camera",
+        "seem too large by that factor (one standard error). Check the unit and the height of "
+        "the camera",
         camera=camera,
         count=len(hz),
     )

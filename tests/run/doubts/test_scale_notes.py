@@ -7,7 +7,7 @@ import pytest
 from pipeline.core.camera_row import CameraRow
 from pipeline.core.config import ADULT, CameraConfig, Config, KnownPerson
 from pipeline.core.records import GroundPlane, Intrinsics, KnownLength
-from pipeline.run.scale_notes import length_notes, scale_notes, unlike_prior
+from pipeline.run.doubts.scale_notes import length_notes, scale_notes, unlike_prior
 
 PEOPLE = pa.table({"class_count": [40, 0, 12]})
 

@@ -38,7 +38,8 @@ def scale_notes(
             Diagnostic(
                 Severity.INFO,
                 "scale_from_known_lengths",
-                f"all distances and heights rest on {count} known {lengths} and on the mean stature "
+                f"all distances and heights rest on {count} known {lengths} and on the mean "
+                f"stature "
                 f"of the people here; the camera's height is known to {percent:.1f} % by them (one "
                 "standard error)",
                 camera=camera,
@@ -77,8 +78,10 @@ def length_notes(row: CameraRow, plane: GroundPlane | None, config: Config) -> l
             Diagnostic(
                 Severity.WARNING,
                 "known_length_unused",
-                f"{len(known)} known lengths of the camera file are not used, since no pose was found: "
-                "they fix the scale of a pose, and not its tilt; give camera_height_m and tilt_deg, or a "
+                f"{len(known)} known lengths of the camera file are not used, since no pose "
+                f"was found: "
+                "they fix the scale of a pose, and not its tilt; give camera_height_m and "
+                "tilt_deg, or a "
                 "recording with people who walk",
                 camera=row.camera,
             )
@@ -93,8 +96,10 @@ def length_notes(row: CameraRow, plane: GroundPlane | None, config: Config) -> l
         Diagnostic(
             Severity.WARNING,
             "known_length_contradicted",
-            f"the known length of {length.length_m:g} m at {list(length.points_px)} is {found_m:.2f} m "
-            f"by the camera's pose, {abs(z):.1f} standard deviations off: check the points, the length, "
+            f"the known length of {length.length_m:g} m at {list(length.points_px)} is "
+            f"{found_m:.2f} m "
+            f"by the camera's pose, {abs(z):.1f} standard deviations off: check the points, "
+            f"the length, "
             "and that they are on the ground (or upright on it)",
             camera=row.camera,
         )
@@ -118,9 +123,12 @@ def unlike_prior(camera: str, mean_ratio: float, prior: SizePrior) -> list[Diagn
         Diagnostic(
             Severity.WARNING,
             "people_unlike_prior",
-            f"by the known lengths the people here are {mean_ratio * prior.mean_m:.2f} m tall in the "
-            f"mean, {abs(off):.1f} standard deviations from the {prior.mean_m:.2f} m that are expected: "
-            "are they children, or is a length wrong? A size_prior in the camera file states who passes",
+            f"by the known lengths the people here are {mean_ratio * prior.mean_m:.2f} m tall "
+            f"in the "
+            f"mean, {abs(off):.1f} standard deviations from the {prior.mean_m:.2f} m that are "
+            f"expected: "
+            "are they children, or is a length wrong? A size_prior in the camera file states "
+            "who passes",
             camera=camera,
         )
     ]

@@ -19,7 +19,7 @@ from pipeline.core.config import ADULT, CameraConfig, Config, Dimension, SizePri
 from pipeline.core.records import GroundPlane, Intrinsics
 from pipeline.estimate.types import Measured
 from pipeline.mcap_file.writer import RecordingWriter, calibration_message, image_message, timestamp
-from pipeline.run.people_check import lens_by_people, people_of, with_tilt
+from pipeline.run.doubts.people_check import lens_by_people, people_of, with_tilt
 from pipeline.run.recordings import run
 from pipeline.store.database import Store
 from schemas.stadimeter_pb2 import Detections

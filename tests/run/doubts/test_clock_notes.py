@@ -7,7 +7,7 @@ import pytest
 from pipeline.core.config import Config
 from pipeline.core.records import GroundPlane
 from pipeline.core.tables import TRACK_CADENCES
-from pipeline.run.clock_notes import clock_notes
+from pipeline.run.doubts.clock_notes import clock_notes
 
 FOUND = GroundPlane(6.0, 0.3, source="walkers")
 GIVEN = GroundPlane(6.0, 0.3, source="camera file")

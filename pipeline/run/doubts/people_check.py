@@ -85,7 +85,8 @@ def refused_pose(camera: str, plane: GroundPlane, reason: str) -> Diagnostic:
         f"the pose by {source} ({plane.camera_height_m:.2f} m high, tilt "
         f"{math.degrees(plane.tilt_rad):.1f} degrees) is not used: {reason}. Check the camera's "
         "height above the ground that people walk on (a map may lie at sea level: [ingest] "
-        "ground_frame names another frame), its frame (optical: x right, y down, z ahead), the lens, "
+        "ground_frame names another frame), its frame (optical: x right, y down, z ahead), the "
+        "lens, "
         "and that boxes are in pixels of the stored picture. Other people than adults need a "
         "[[size_prior]]",
         camera=camera,
@@ -151,7 +152,8 @@ def with_tilt(config: Config, camera: str, tilt: Tilt) -> tuple[Config, list[Dia
     note = Diagnostic(
         Severity.INFO,
         "tilt_from_people",
-        f"tilt by the people, who fix no pose: {tilt_deg:.1f} \u00b1 {std_deg:.1f} degrees (one standard "
+        f"tilt by the people, who fix no pose: {tilt_deg:.1f} \u00b1 {std_deg:.1f} degrees "
+        f"(one standard "
         "error); distances from their sizes allow for it. tilt_deg in a camera file replaces it",
         camera=camera,
     )

@@ -1,0 +1,1 @@
+"""Checks of a recording's numbers against what people, lenses and clocks can be."""
