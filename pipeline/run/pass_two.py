@@ -17,6 +17,7 @@ import pyarrow.compute as pc
 
 from pipeline.calibrate.camera_entry import given_pose, with_assumed_centre
 from pipeline.calibrate.stored_lens import known_lens, with_doubt, with_found
+from pipeline.calibrate.walkers.given_pose import narrowed_by_people
 from pipeline.calibrate.walkers.known_lengths import KnownHeight, KnownLengths
 from pipeline.calibrate.walkers.pose import WalkersReport
 from pipeline.calibrate.walkers.pose_and_lens import calibrate_stored
@@ -151,6 +152,8 @@ def _pose(
     for pose in claimed:
         reason = people_of(measured, pose, prior).impossible(prior)
         if reason is None:
+            pose, told = narrowed_by_people(pose, measured, entry, prior)
+            remarks.add([told] if told else [])
             return pose
         remarks.add([refused_pose(name, pose, reason)])
     if camera.row.moves:

@@ -111,3 +111,17 @@ def test_a_length_that_is_none_is_refused(
     output = str(tmp_path / "c.toml")
     assert main(["calibrate", "--walkers", "--db", str(database), "-o", output, option, text]) == 2
     assert option in capsys.readouterr().err
+
+
+def test_an_unsure_pose_is_narrowed_by_the_people(database: Path, tmp_path: Path) -> None:
+    tilt_deg = np.rad2deg(TILT_RAD)
+    unsure = f"camera_height_m = {CAMERA_HEIGHT_M}\ntilt_deg = {tilt_deg + 1}\ntilt_std_deg = 1.0\n"
+    _, codes = estimated(database, tmp_path, CAMERA + unsure)
+    assert "given_pose_narrowed" in codes
+    with Store.open(database) as store:
+        (camera,) = store.query(
+            "SELECT tilt_rad, tilt_std_rad, pose_source FROM cameras"
+        ).to_pylist()
+    assert np.rad2deg(camera["tilt_rad"]) == pytest.approx(tilt_deg, abs=0.5)
+    assert np.rad2deg(camera["tilt_std_rad"]) < 0.6
+    assert camera["pose_source"] == "given"

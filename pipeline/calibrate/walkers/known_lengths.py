@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.calibrate.walkers.model import Sample, Scale
+from pipeline.calibrate.walkers.pose_prior import PosePrior
 from pipeline.calibrate.walkers.segments import Segments, ends_px
 from pipeline.calibrate.walkers.upright_edges import Uprights, bend_std_of
 from pipeline.core.arrays import FloatArray
@@ -36,10 +37,14 @@ class KnownHeight:
 
 @dataclass(frozen=True, slots=True)
 class KnownLengths:
-    """Known lengths of a scene in metres, beside the stature of the population."""
+    """Known lengths of a scene in metres, beside the stature of the population.
+
+    `pose` is what somebody gave of the camera's pose, as sure as its covariance says.
+    """
 
     heights: tuple[KnownHeight, ...] = ()
     lengths: tuple[KnownLength, ...] = ()
+    pose: GroundPlane | None = None
 
     def __bool__(self) -> bool:
         return bool(self.heights or self.lengths)
@@ -112,6 +117,7 @@ def scale_of(
         Segments.of(known.lengths, measured.intrinsics, plane),
         uprights,
         bend_std_of(measured.intrinsics),
+        None if known.pose is None else PosePrior.of(known.pose),
     )
 
 

@@ -55,7 +55,7 @@ def conditioned(plane: GroundPlane, measured: Measured, person: KnownHeight) -> 
     slope = np.median(slopes[seen], axis=0)
     off = float(np.log(tall_m / (person.height_m - GAIT_DROP_M)))
     moved = joint.covariance @ slope / max(variance, float(slope @ joint.covariance @ slope)) * off
-    joint = _narrowed(joint, slope, variance)
+    joint = narrowed(joint, slope, variance)
     above_m = plane.camera_height_m * float(np.exp(-moved[Error.LOG_HEIGHT]))
     to_metres = np.diag([above_m, 1.0, 1.0])
     return replace(
@@ -68,8 +68,11 @@ def conditioned(plane: GroundPlane, measured: Measured, person: KnownHeight) -> 
     )
 
 
-def _narrowed(joint: JointErrors, slope: FloatArray, variance: float) -> JointErrors:
-    """Return the parts of the covariance after the observation of one slope."""
+def narrowed(joint: JointErrors, slope: FloatArray, variance: float) -> JointErrors:
+    """Return the parts of the covariance after the observation of what has a slope, (10,).
+
+    `variance` is that of the difference: of what is observed and of the observation.
+    """
     parts = (joint.scale, joint.camera, joint.boxes)
     ends = np.cumsum([part.shape[1] for part in parts])[:-1]
     scale, camera, boxes = np.split(_after(np.hstack(parts), slope, variance), ends, axis=1)

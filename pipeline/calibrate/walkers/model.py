@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from pipeline.calibrate.walkers.pose_prior import PosePrior
 from pipeline.calibrate.walkers.segments import IMPOSSIBLE, Segments
 from pipeline.calibrate.walkers.upright_edges import Uprights
 from pipeline.core.arrays import FloatArray
@@ -80,6 +81,7 @@ class Scale:
     segments: Segments
     uprights: Uprights
     bend_std: float  # of the lens's distortion, by k of `calibrate.upright`
+    pose: PosePrior | None = None  # where somebody gave it, unsure
 
     @property
     def side_std(self) -> float:
@@ -121,7 +123,8 @@ def residuals(x: FloatArray, sample: Sample, scale: Scale) -> FloatArray:
     few = [x[unknown] / std for unknown, std in scale.few]
     edges = scale.uprights.off(x[TILT], x[ROLL], x[BEND])
     lengths = scale.segments.off(np.exp(x[ABOVE]), x[TILT], x[ROLL])
-    return np.concatenate([error, people, few, lengths, edges])
+    given = np.empty(0) if scale.pose is None else scale.pose.off(x[POSE])
+    return np.concatenate([error, people, few, lengths, edges, given])
 
 
 def jacobian(x: FloatArray, sample: Sample, scale: Scale) -> csr_matrix:
@@ -146,6 +149,10 @@ def jacobian(x: FloatArray, sample: Sample, scale: Scale) -> csr_matrix:
     values.append(edges)
     columns.append(np.broadcast_to((TILT, ROLL, BEND), edges.shape))
     counts.append(np.full(len(edges), 3))
+    if scale.pose is not None:
+        values.append(scale.pose.whitening)
+        columns.append(np.broadcast_to((ABOVE, TILT, ROLL), (3, 3)))
+        counts.append(np.full(3, 3))
     ends = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
     return csr_matrix(
         (np.concatenate([v.ravel() for v in values]), _flat(columns), ends),

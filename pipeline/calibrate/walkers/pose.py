@@ -213,8 +213,10 @@ def plane_of(fit: OptimizeResult) -> GroundPlane:
 
 def best_fit(sample: Sample, scale: Scale, before: OptimizeResult | None = None) -> OptimizeResult:
     """Return the fit from where one was before, or the better from the two most promising tilts."""
-    if before is not None and before.x[1] > 0:
+    if before is not None and (before.x[1] > 0 or scale.pose is not None):
         return _fit(sample, scale, float(before.x[1]))
+    if scale.pose is not None:
+        return _fit(sample, scale, float(scale.pose.pose[1]))
     starts = sorted(TILTS_RAD, key=lambda tilt: _start_cost(sample, scale, tilt))
     fits = [_fit(sample, scale, tilt) for tilt in starts[:2]]
     return min(fits, key=lambda fit: float(fit.cost))

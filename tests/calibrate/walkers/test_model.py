@@ -17,8 +17,10 @@ from pipeline.calibrate.walkers.model import (
     jacobian,
     residuals,
 )
+from pipeline.calibrate.walkers.pose_prior import PosePrior
 from pipeline.calibrate.walkers.segments import Segments
 from pipeline.calibrate.walkers.upright_edges import NO_UPRIGHTS, Uprights
+from pipeline.core.records import GroundPlane
 
 PEOPLE_SEEN, EACH = 5, 7
 
@@ -76,6 +78,9 @@ def test_the_jacobian_is_that_of_the_residuals(seed: int) -> None:
     random = np.random.default_rng(seed)
     sample = _sample(random)
     scale = _scale(random, _posts(random) if seed % 2 else NO_UPRIGHTS)
+    if seed > 1:
+        root = random.normal(0, 0.05, (3, 3))
+        scale = replace(scale, pose=PosePrior.of(GroundPlane(3.8, 0.25, 0.0, root @ root.T)))
     heights_m = random.uniform(1.5, 1.9, PEOPLE_SEEN)
     x = np.array([np.log(4.0), 0.3, 0.05, 0.02, 0.01, 0.1, 0.03, *heights_m])
     assert len(x) == PEOPLE + PEOPLE_SEEN
